@@ -1,0 +1,1 @@
+fn main(){ let c=shaderc::Compiler::new().unwrap(); let r=c.compile_into_spirv("#version 460\nlayout(local_size_x=1) in; void main(){}", shaderc::ShaderKind::Compute,"a","main",None).unwrap(); println!("cargo:warning=spv {}", r.len()); }

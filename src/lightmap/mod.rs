@@ -1,0 +1,95 @@
+//! Where the light is kept: charts in an atlas, the texels that surfaces fetch, the finished map, and its files.
+
+use std::sync::Arc;
+
+use glam::{UVec2, Vec2};
+
+/// Where every object's charts lie. A chart's texels belong to one object alone.
+#[derive(Clone, Debug)]
+pub struct Atlas {
+    /// Width and height of every page, texels.
+    pub page_size: u32,
+    /// Number of pages.
+    pub pages: u32,
+    /// Texels per metre that was asked for.
+    pub density: f32,
+    /// One per [`crate::scene::Scene::objects`].
+    pub objects: Vec<ObjectAtlas>,
+}
+
+/// An object's rectangle in the atlas and the layout inside it.
+#[derive(Clone, Debug)]
+pub struct ObjectAtlas {
+    /// Page index.
+    pub page: u32,
+    /// Top-left corner, texels.
+    pub origin: UVec2,
+    /// Width and height, texels, padding included.
+    pub size: UVec2,
+    /// Authored or unwrapped.
+    pub source: UvSource,
+    /// Shared by objects that instance one mesh at one scale.
+    pub layout: Arc<UvLayout>,
+}
+
+/// Where an object's lightmap coordinates come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UvSource {
+    /// The file's `TEXCOORD_1`.
+    Authored,
+    /// Charts made by xatlas.
+    Unwrapped,
+}
+
+/// A mesh's triangles laid out in a rectangle.
+#[derive(Clone, Debug, Default)]
+pub struct UvLayout {
+    /// Vertices, split where charts separate.
+    pub vertices: Vec<UvVertex>,
+    /// One per mesh triangle, in the mesh's order, indices into `vertices`.
+    pub triangles: Vec<[u32; 3]>,
+    /// One per triangle: which connected chart it belongs to.
+    pub charts: Vec<u32>,
+}
+
+/// A vertex of a [`UvLayout`].
+#[derive(Clone, Copy, Debug)]
+pub struct UvVertex {
+    /// The mesh vertex it came from.
+    pub source: u32,
+    /// Texels, relative to [`ObjectAtlas::origin`]; the centre of the first texel is at (0.5, 0.5).
+    pub uv: Vec2,
+}
+
+/// A surface sample that receives light: what one lit texel of the lightmap stands for. Shared with the shaders.
+///
+/// Texels are listed object by object, chart by chart, in Morton order, so that 64 neighbours in the list (a *tile*) are
+/// neighbours on the surface; an object's last tile is filled up with texels whose `pixel` is [`Texel::NONE`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Texel {
+    /// Object space.
+    pub position: [f32; 3],
+    /// Index into [`crate::scene::Scene::objects`].
+    pub object: u32,
+    /// Object space, unit length: the interpolated vertex normal, or the geometric one where that is missing or turned away.
+    pub normal: [f32; 3],
+    /// `page * page_size² + y * page_size + x`, or [`Texel::NONE`].
+    pub pixel: u32,
+}
+
+impl Texel {
+    /// Marks a filler.
+    pub const NONE: u32 = u32::MAX;
+    /// Texels per tile.
+    pub const TILE: usize = 64;
+}
+
+/// A finished map: irradiance in lux, linear RGB (Rec. 709 primaries), of each surface's front side.
+#[derive(Clone, Debug)]
+pub struct Lightmap {
+    /// Width and height of every page, texels.
+    pub page_size: u32,
+    /// `page_size²` texels a page, top row first.
+    pub pages: Vec<Vec<[f32; 3]>>,
+}

@@ -1,0 +1,40 @@
+//! How light travels: rays, quasi-Monte Carlo paths from the lights, and the virtual point lights they leave behind.
+
+use glam::Vec3;
+
+/// Which path left a VPL: orders VPLs, and is the same in every scene version.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct VplKey {
+    /// Index into [`crate::scene::Scene::lights`].
+    pub light: u32,
+    /// Index of the path in its light's sequence.
+    pub path: u32,
+    /// 0 for the first surface that the path meets.
+    pub bounce: u32,
+}
+
+/// A virtual point light (Keller 1997): a path's hit on a surface, which sends the light on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vpl {
+    /// Where it came from.
+    pub key: VplKey,
+    /// World space, metres.
+    pub position: Vec3,
+    /// Geometric normal of the side that was hit, unit length.
+    pub normal: Vec3,
+    /// Reflected radiant flux, lumens: path energy times albedo, linear RGB.
+    pub flux: Vec3,
+    /// The object that was hit.
+    pub object: u32,
+    /// Where the light sent on from here arrived.
+    pub scatter: Scatter,
+}
+
+/// What the ray that continues a path found: it feeds the balancing metric (IBGI section 5).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scatter {
+    /// Metres to the surface that was hit; infinite if the ray left the scene.
+    pub distance: f32,
+    /// Mean over RGB of that surface's albedo; 0 if the ray left the scene.
+    pub albedo: f32,
+}
