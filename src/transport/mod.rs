@@ -1,6 +1,17 @@
 //! How light travels: rays, quasi-Monte Carlo paths from the lights, and the virtual point lights they leave behind.
 
+pub mod bvh;
+pub mod emission;
+pub mod paths;
+pub mod sampling;
+mod surface;
+#[cfg(test)]
+pub(crate) mod testing;
+
 use glam::Vec3;
+
+pub use bvh::{Hit, SceneBvh};
+pub use paths::{FluxBalance, LightPaths, PathSet, PathSettings, Tracer, trace};
 
 /// Which path left a VPL: orders VPLs, and is the same in every scene version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
