@@ -1,1 +1,4 @@
 //! To come.
+
+mod shaders;
+pub mod shared;

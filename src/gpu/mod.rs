@@ -1,1 +1,189 @@
-//! To come.
+//! Vulkan, and the only unsafe code: device, buffers by address, compute pipelines, commands, uploads, timestamps.
+//! Knows nothing of light.
+//!
+//! One [`Gpu`] is shared by cheap clones; [`Buffer`] and [`Pipeline`] hold one and free themselves when dropped, after
+//! the last submission that can use them. Work is recorded with [`Gpu::commands`], sent with [`Commands::submit`], and
+//! ordered on the device by barriers, towards the host by [`Ticket`]s.
+#![allow(unsafe_code, reason = "this is the one room that talks to the driver")]
+
+mod buffer;
+mod commands;
+mod error;
+mod features;
+mod instance;
+mod pipeline;
+mod queue;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use ash::{ext, vk};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+
+pub use buffer::{Address, Buffer, Memory};
+pub use commands::{Commands, Stage};
+pub use error::{GpuError, Result};
+pub use instance::{DeviceInfo, GpuOptions};
+pub use pipeline::{Pipeline, Shader};
+pub use queue::{Ticket, Timing};
+
+use instance::Instance;
+use queue::Queue;
+
+/// A device and its one queue. Clones share it.
+#[derive(Clone)]
+pub struct Gpu(Arc<Shared>);
+
+struct Shared {
+    info: DeviceInfo,
+    timestamp_ns: f64,
+    max_groups: [u32; 3],
+    /// Bytes in live buffers, and their peak.
+    allocated: AtomicU64,
+    peak: AtomicU64,
+    queue: Mutex<Queue>,
+    /// Taken out first when the device goes.
+    allocator: Mutex<Option<Allocator>>,
+    debug: Option<ext::debug_utils::Device>,
+    device: ash::Device,
+    instance: Instance,
+}
+
+/// Lists every device with what it lacks.
+pub fn devices() -> Result<Vec<DeviceInfo>> {
+    Instance::new(false)?.devices()
+}
+
+impl Gpu {
+    /// Opens a device without a window.
+    ///
+    /// # Errors
+    /// No loader, no device that matches, a missing feature (by name), no validation layer when it was asked for.
+    pub fn new(options: &GpuOptions) -> Result<Self> {
+        let instance = Instance::new(options.validate)?;
+        let info = instance.choose(options.device.as_deref())?;
+        // SAFETY: handles come from this instance; all pointers outlive the calls.
+        unsafe {
+            let properties = instance.raw.get_physical_device_properties(info.handle);
+            let family = instance
+                .raw
+                .get_physical_device_queue_family_properties(info.handle)
+                .iter()
+                .position(|family| {
+                    family.queue_flags.contains(vk::QueueFlags::COMPUTE)
+                        && family.timestamp_valid_bits > 0
+                })
+                .ok_or_else(|| GpuError::Lacks {
+                    device: info.name.clone(),
+                    missing: "a compute queue with timestamps".into(),
+                })? as u32;
+
+            let queues = [vk::DeviceQueueCreateInfo::default()
+                .queue_family_index(family)
+                .queue_priorities(&[1.0])];
+            let mut required = features::required();
+            let mut chain = required.chain();
+            let create = vk::DeviceCreateInfo::default()
+                .queue_create_infos(&queues)
+                .push_next(&mut chain);
+            let device = instance
+                .raw
+                .create_device(info.handle, &create, None)
+                .map_err(GpuError::call(format!("vkCreateDevice ({})", info.name)))?;
+            let debug = instance
+                .has_debug_utils
+                .then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+
+            let made = Allocator::new(&AllocatorCreateDesc {
+                instance: instance.raw.clone(),
+                device: device.clone(),
+                physical_device: info.handle,
+                debug_settings: Default::default(),
+                buffer_device_address: true,
+                allocation_sizes: Default::default(),
+            })
+            .map_err(|e| GpuError::OutOfMemory {
+                name: "allocator".into(),
+                bytes: 0,
+                reason: e.to_string(),
+            })
+            .and_then(|allocator| Ok((allocator, Queue::new(&device, family)?)));
+            let (allocator, queue) = match made {
+                Ok(made) => made,
+                Err(error) => {
+                    device.destroy_device(None);
+                    return Err(error);
+                }
+            };
+            Ok(Self(Arc::new(Shared {
+                timestamp_ns: f64::from(properties.limits.timestamp_period),
+                max_groups: properties.limits.max_compute_work_group_count,
+                info,
+                allocated: AtomicU64::new(0),
+                peak: AtomicU64::new(0),
+                queue: Mutex::new(queue),
+                allocator: Mutex::new(Some(allocator)),
+                debug,
+                device,
+                instance,
+            })))
+        }
+    }
+
+    /// What it runs on.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.0.info
+    }
+
+    /// The most bytes that live buffers ever held at once.
+    pub fn peak_bytes(&self) -> u64 {
+        self.0.peak.load(Ordering::Relaxed)
+    }
+
+    /// An error if the validation layer has said anything since the last call.
+    pub fn check_validation(&self) -> Result<()> {
+        self.0
+            .instance
+            .messages
+            .take()
+            .map_or(Ok(()), |text| Err(GpuError::Validation(text)))
+    }
+
+    fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.0.queue.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    fn set_name(&self, handle: impl vk::Handle, name: &str) {
+        if let Some(debug) = &self.0.debug {
+            let name = std::ffi::CString::new(name.replace('\0', " ")).unwrap_or_default();
+            let info = vk::DebugUtilsObjectNameInfoEXT::default()
+                .object_handle(handle)
+                .object_name(&name);
+            // SAFETY: the handle is alive: its owner calls this. A failure only loses the label.
+            if let Err(result) = unsafe { debug.set_debug_utils_object_name(&info) } {
+                tracing::debug!("naming {name:?}: {result}");
+            }
+        }
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        // SAFETY: the last clone goes: no buffer, pipeline or recording is left. The device finishes, then everything
+        // that waited for it is freed, then the allocator, then the device; the instance follows as a field.
+        unsafe {
+            if let Err(result) = self.device.device_wait_idle() {
+                tracing::debug!("vkDeviceWaitIdle at the end: {result}");
+            }
+            let mut allocator = self
+                .allocator
+                .lock()
+                .unwrap_or_else(|e| e.into_inner())
+                .take();
+            let queue = self.queue.get_mut().unwrap_or_else(|e| e.into_inner());
+            queue.destroy(&self.device, allocator.as_mut());
+            drop(allocator);
+            self.device.destroy_device(None);
+        }
+    }
+}

@@ -1,0 +1,89 @@
+// What all passes share: extensions, structures (their Rust twins are layout-tested), and small mathematics.
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_control_flow_attributes : require
+
+const float PI = 3.14159265358979;
+
+// Capitals that are not defined here (TILE, LIST_ROW, LIGHT_*, VIEW_*...) come from src/bake/shared.rs.
+
+struct Texel {
+    vec3 position;
+    uint object;
+    vec3 normal;
+    uint pixel;
+};
+
+// World-space receiver.
+struct Receiver {
+    vec3 position;
+    vec3 normal;
+};
+
+// Where a tile's receivers are and where they face.
+struct Tile {
+    vec3 center;
+    vec3 extent;    // half the box
+    vec3 axis;
+    float cone_cos; // of the largest angle between the axis and a normal; -1 if they do not fit a half space
+};
+
+struct Triangle {
+    vec3 a, b, c;
+};
+
+struct Chunk {
+    vec3 center;
+    vec3 extent; // half the box
+    uint first;  // triangle
+    uint count;
+};
+
+// A hemicube of inverse depths, or an orthographic map of scaled depths.
+struct View {
+    vec3 origin;
+    vec3 x, y, z;  // rows of world to local; hemicube: z is the pole
+    uint offset;   // first element in the depth buffer
+    uint size;     // pixels along the edge of the top face; the four side faces are half as high
+    uint kind;     // VIEW_*
+    float cos_cone; // nothing outside this cone around the pole is asked for
+};
+
+struct Light {
+    vec3 position;
+    vec3 normal;
+    vec3 flux;      // polygon, disk: lumens; point, spot: candela; directional: lux
+    float area;
+    float radius;   // of a sphere around position that holds the emitter
+    float spot_scale;
+    float spot_offset;
+    uint kind;      // LIGHT_*
+    int sign;       // +1 adds, -1 subtracts
+    uint view;      // first of its views
+    uint vertices;
+    vec3 vertex[MAX_VERTICES]; // world space
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Texels { Texel at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Receivers { Receiver at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Tiles { Tile at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Triangles { Triangle at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Chunks { Chunk at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Views { View at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { Light at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Uints { uint at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Pairs { uvec2 at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Sums { int64_t at[]; };
+
+// A list that a pass appends to: workgroup counts for an indirect dispatch over it (written by list_args), the length.
+struct ListHead {
+    uint groups_x, groups_y, groups_z;
+    uint entries;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer ListHeads { ListHead at[]; };
+
+uint list_index() {
+    return gl_WorkGroupID.y * LIST_ROW + gl_WorkGroupID.x;
+}

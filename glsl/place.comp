@@ -1,0 +1,64 @@
+#version 460
+// Object-space texels become world-space receivers, and every tile gets its box and normal cone. A workgroup is a tile.
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+
+layout(local_size_x = 64) in;
+
+// Rows of the affine transform, and of the cofactor matrix that carries normals (mirroring included).
+struct Placement {
+    vec4 row[3];
+    vec3 normal_row[3];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Placements { Placement at[]; };
+
+layout(push_constant, scalar) uniform Push {
+    Texels texels;
+    Placements placements;
+    Receivers receivers;
+    Tiles tiles;
+    uint first_tile;
+};
+
+shared vec3 positions[TILE];
+shared vec3 normals[TILE];
+
+void main() {
+    uint tile = first_tile + gl_WorkGroupID.x;
+    uint lane = gl_LocalInvocationIndex;
+    uint slot = tile * TILE + lane;
+    uint object = texels.at[slot].object;
+    vec4 p = vec4(texels.at[slot].position, 1.0);
+    vec3 n = texels.at[slot].normal;
+    vec4 r0 = placements.at[object].row[0];
+    vec4 r1 = placements.at[object].row[1];
+    vec4 r2 = placements.at[object].row[2];
+    vec3 position = vec3(dot(r0, p), dot(r1, p), dot(r2, p));
+    vec3 normal = normalize(vec3(dot(placements.at[object].normal_row[0], n),
+                                 dot(placements.at[object].normal_row[1], n),
+                                 dot(placements.at[object].normal_row[2], n)));
+    receivers.at[slot].position = position;
+    receivers.at[slot].normal = normal;
+    positions[lane] = position;
+    normals[lane] = normal;
+    barrier();
+    if (lane != 0) return;
+
+    vec3 low = positions[0];
+    vec3 high = positions[0];
+    vec3 sum = vec3(0.0);
+    for (uint i = 0; i < TILE; ++i) {
+        low = min(low, positions[i]);
+        high = max(high, positions[i]);
+        sum += normals[i];
+    }
+    float length_squared = dot(sum, sum);
+    vec3 axis = length_squared > 1e-12 ? sum * inversesqrt(length_squared) : vec3(0.0, 0.0, 1.0);
+    float cone_cos = 1.0;
+    for (uint i = 0; i < TILE; ++i) cone_cos = min(cone_cos, dot(axis, normals[i]));
+    tiles.at[tile].center = 0.5 * (low + high);
+    // Rounding must not let a receiver out of its own box.
+    tiles.at[tile].extent = 0.5 * (high - low) + 1e-6 * (abs(low) + abs(high));
+    tiles.at[tile].axis = axis;
+    tiles.at[tile].cone_cos = cone_cos > 0.01 && length_squared > 1e-12 ? cone_cos - 1e-5 : -1.0;
+}

@@ -1,0 +1,60 @@
+#version 460
+// Draws one listed triangle a workgroup: every invocation takes rows, and solves each for its span of pixels.
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+#include "view.glsl"
+#include "raster.glsl"
+
+layout(local_size_x = 16) in;
+
+layout(push_constant, scalar) uniform Push {
+    Triangles triangles;
+    Views views;
+    Pairs large;
+    ListHeads large_head;
+    Uints depth;
+    uint large_capacity;
+};
+
+void main() {
+    uint index = list_index();
+    if (index >= min(large_head.at[0].entries, large_capacity)) return;
+    uvec2 entry = large.at[index];
+    uint face = entry.y & 7;
+    View view = views.at[entry.y >> 3];
+    Setup s = set_up(triangles.at[entry.x], view, face);
+    bool side = view.kind == VIEW_HEMICUBE && face != 0;
+    uint height = side ? view.size / 2 : view.size;
+    float half_size = 0.5 * float(view.size);
+    float step = 2.0 / float(view.size);
+    uint base = view.offset + face_offset(face, view.size);
+
+    float first = 0.0, last = float(height - 1);
+    if (s.bounded) {
+        float origin = side ? 0.0 : 1.0;
+        first = max(first, ceil((s.low.y + origin) * half_size - 0.5));
+        last = min(last, floor((s.high.y + origin) * half_size - 0.5));
+    }
+    for (float j = first + float(gl_LocalInvocationIndex); j <= last; j += float(gl_WorkGroupSize.x)) {
+        float t = row_center(uint(j), view.size, side);
+        float low = -1.0, high = 1.0;
+        [[unroll]] for (uint k = 0; k < 3; ++k) {
+            float slope = s.edge[k].x;
+            float rest = s.edge[k].y * t + s.edge[k].z;
+            float bound = -rest / slope;
+            low = slope > 0.0 ? max(low, bound) : low;
+            high = slope < 0.0 ? min(high, bound) : high;
+            if (slope == 0.0 && rest < 0.0) high = -2.0;
+        }
+        // A thousandth of a pixel wider, so that no rounding opens a gap to a neighbour drawn by shadow_small.
+        int i0 = int(max(ceil((low + 1.0) * half_size - 0.501), 0.0));
+        int i1 = int(min(floor((high + 1.0) * half_size - 0.499), float(view.size - 1)));
+        uint row = base + uint(j) * view.size;
+        float value = s.value.x * column_center(uint(i0), view.size) + s.value.y * t + s.value.z;
+        float slope = s.value.x * step;
+        for (int i = i0; i <= i1; ++i) {
+            if (value > 0.0) atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
+            value += slope;
+        }
+    }
+}

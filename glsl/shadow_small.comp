@@ -1,0 +1,76 @@
+#version 460
+// Draws the triangles of listed chunks into their faces, one invocation a triangle: those that touch few pixels at once,
+// the others go on a list for shadow_large.
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+#include "view.glsl"
+#include "raster.glsl"
+
+layout(local_size_x = 64) in;
+
+// Pixels of the bounding rectangle up to which a triangle is drawn here.
+layout(constant_id = 0) const uint SMALL = 32;
+
+layout(push_constant, scalar) uniform Push {
+    Triangles triangles;
+    Chunks chunks;
+    Views views;
+    Pairs list;
+    Pairs large;
+    ListHeads large_head;
+    Uints depth;
+    uint large_capacity;
+};
+
+void main() {
+    uvec2 entry = list.at[list_index()];
+    uint first = chunks.at[entry.x].first;
+    uint count = chunks.at[entry.x].count;
+    if (gl_LocalInvocationIndex >= count) return;
+    uint triangle = first + gl_LocalInvocationIndex;
+    uint face = entry.y & 7;
+    View view = views.at[entry.y >> 3];
+    Setup s = set_up(triangles.at[triangle], view, face);
+    bool side = view.kind == VIEW_HEMICUBE && face != 0;
+    uint height = side ? view.size / 2 : view.size;
+    float half_size = 0.5 * float(view.size);
+
+    vec2 origin = vec2(1.0, side ? 0.0 : 1.0);
+    // First and last pixel centres inside the bounds.
+    vec2 low = ceil((s.low + origin) * half_size - 0.5);
+    vec2 high = floor((s.high + origin) * half_size - 0.5);
+    low = max(low, vec2(0.0));
+    high = min(high, vec2(view.size - 1, height - 1));
+    bool visible = !s.empty && (!s.bounded || (low.x <= high.x && low.y <= high.y));
+    if (!visible) return;
+    if (!s.bounded) {
+        low = vec2(0.0);
+        high = vec2(view.size - 1, height - 1);
+    }
+    uint columns = uint(high.x - low.x) + 1;
+    uint rows = uint(high.y - low.y) + 1;
+    bool here = columns * rows <= SMALL;
+    if (!here) {
+        uint slot = atomicAdd(large_head.at[0].entries, 1);
+        if (slot < large_capacity) large.at[slot] = uvec2(triangle, entry.y);
+        else here = true;
+    }
+    if (!here) return;
+
+    uint base = view.offset + face_offset(face, view.size);
+    float step = 2.0 / float(view.size);
+    float t = row_center(uint(low.y), view.size, side);
+    float s0 = column_center(uint(low.x), view.size);
+    uint row = base + uint(low.y) * view.size + uint(low.x);
+    for (uint j = 0; j < rows; ++j) {
+        vec3 d = vec3(s0, t, 1.0);
+        for (uint i = 0; i < columns; ++i) {
+            float value = dot(s.value, d);
+            if (dot(s.edge[0], d) >= 0.0 && dot(s.edge[1], d) >= 0.0 && dot(s.edge[2], d) >= 0.0 && value > 0.0)
+                atomicMax(depth.at[row + i], floatBitsToUint(value));
+            d.x += step;
+        }
+        t += step;
+        row += view.size;
+    }
+}

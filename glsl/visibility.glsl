@@ -1,0 +1,113 @@
+// Reads the views of a light. What lies in the receiver's own plane must not shade it: the receiver is moved along its
+// normal by what one pixel spans, and depths are compared with a relative slack.
+
+// How much nearer than the point `local` (the view's axes) the nearest thing in its direction is: above 1 it hides it.
+float nearness(Uints depth, uint offset, uint size, vec3 local) {
+    vec3 a = abs(local);
+    bool top = local.z >= max(a.x, a.y);
+    bool along_x = a.x >= a.y;
+    float w = top ? local.z : (along_x ? a.x : a.y);
+    float u = top || !along_x ? local.x : local.y;
+    float v = top ? local.y : local.z;
+    uint side = (along_x ? 0 : 2) + ((along_x ? local.x : local.y) < 0.0 ? 1 : 0);
+    float inverse = 1.0 / w;
+    float half_size = 0.5 * float(size);
+    float column = clamp((u * inverse + 1.0) * half_size, 0.0, float(size) - 1.0);
+    float row = clamp((v * inverse + (top ? 1.0 : 0.0)) * half_size, 0.0, float(top ? size : size / 2) - 1.0);
+    uint start = offset + (top ? 0 : size * size + side * (size * size / 2));
+    return uintBitsToFloat(depth.at[start + uint(row) * size + uint(column)]) * w;
+}
+
+// Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there.
+vec3 lifted(Views views, uint view, vec3 p, vec3 n) {
+    vec3 d = p - views.at[view].origin;
+    float distance = length(d);
+    float cosine = dot(d, n) / max(distance, 1e-20);
+    float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+    return d + n * (distance * (0.1 + 1.5 * sine) / float(views.at[view].size));
+}
+
+vec3 to_local(Views views, uint view, vec3 d) {
+    return vec3(dot(views.at[view].x, d), dot(views.at[view].y, d), max(dot(views.at[view].z, d), 1e-9));
+}
+
+// A point light has two hemicubes, back to back.
+uint facing_view(Views views, uint view, bool two, vec3 p) {
+    return two && dot(views.at[view].z, p - views.at[view].origin) < 0.0 ? view + 1 : view;
+}
+
+float visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec3 n, float bias) {
+    view = facing_view(views, view, two, p);
+    vec3 local = to_local(views, view, lifted(views, view, p, n));
+    return nearness(depth, views.at[view].offset, views.at[view].size, local) > 1.0 + bias ? 0.0 : 1.0;
+}
+
+const uint SEARCH_TAPS = 5;
+const uint FILTER_TAPS = 8;
+const vec2 SEARCH[SEARCH_TAPS] = vec2[](vec2(0.0), vec2(0.65, 0.25), vec2(-0.25, 0.65), vec2(-0.65, -0.25), vec2(0.25, -0.65));
+// Two rings, the inner one turned by 45 degrees.
+const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2(-0.354, 0.0), vec2(0.0, -0.354),
+                                        vec2(0.56, 0.56), vec2(-0.56, 0.56), vec2(-0.56, -0.56), vec2(0.56, -0.56));
+
+// Percentage-closer soft shadows (Fernando 2005) of an emitter of the given radius, zero included: 5 taps find the mean
+// blocker, 8 taps filter over the penumbra it casts, never narrower than a pixel. Each tap is compared with the
+// receiver's plane, not with the receiver.
+float soft_visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec3 n, float radius, float bias) {
+    view = facing_view(views, view, two, p);
+    uint offset = views.at[view].offset;
+    uint size = views.at[view].size;
+    vec3 d = lifted(views, view, p, n);
+    float distance = length(d);
+    vec3 t = normalize(abs(d.x) > abs(d.z) ? vec3(-d.y, d.x, 0.0) : vec3(0.0, -d.z, d.y));
+    vec3 b = cross(d, t) / max(distance, 1e-20);
+    float plane = dot(n, d);
+    float pixel = 2.0 * distance / float(size);
+    float reach = max(min(radius, 0.5 * distance), pixel);
+
+    float blockers = 0.0, inverse_sum = 0.0;
+    for (uint i = 0; i < SEARCH_TAPS; ++i) {
+        vec3 e = d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach;
+        float along = plane / min(dot(n, e), -1e-9);
+        float near = nearness(depth, offset, size, to_local(views, view, e)) * clamp(along, 0.0, 8.0);
+        bool blocks = near > 1.0 + bias;
+        blockers += blocks ? 1.0 : 0.0;
+        inverse_sum += blocks ? near : 0.0;
+    }
+    // Penumbra: radius (receiver - blocker) / blocker = radius (nearness - 1).
+    float width = blockers > 0.0 ? radius * (inverse_sum / blockers - 1.0) : 0.0;
+    width = clamp(width, pixel, max(2.0 * radius, pixel));
+    float lit = 0.0;
+    for (uint i = 0; i < FILTER_TAPS; ++i) {
+        vec3 e = d + (t * FILTER[i].x + b * FILTER[i].y) * width;
+        float along = plane / min(dot(n, e), -1e-9);
+        float near = nearness(depth, offset, size, to_local(views, view, e)) * clamp(along, 0.0, 8.0);
+        lit += near > 1.0 + bias ? 0.0 : 1.0 / float(FILTER_TAPS);
+    }
+    return lit;
+}
+
+// Orthographic map, four comparisons weighted bilinearly. Outside of it everything is lit.
+float parallel_visibility(Views views, Uints depth, uint view, vec3 p, vec3 n, float bias) {
+    vec3 x = views.at[view].x, y = views.at[view].y, z = views.at[view].z;
+    uint size = views.at[view].size;
+    uint offset = views.at[view].offset;
+    float pixel = 2.0 / (float(size) * length(x));
+    float cosine = dot(n, z) * inversesqrt(dot(z, z));
+    float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+    vec3 d = p - views.at[view].origin + n * (pixel * (0.2 + 2.2 * sine));
+    vec2 at = (vec2(dot(x, d), dot(y, d)) + 1.0) * (0.5 * float(size)) - 0.5;
+    vec2 corner = floor(at);
+    vec2 weight = at - corner;
+    float value = dot(z, d) + bias;
+    float lit = 0.0;
+    for (uint i = 0; i < 4; ++i) {
+        vec2 step = vec2(float(i & 1), float(i >> 1));
+        vec2 pixel_at = corner + step;
+        bool inside = all(greaterThanEqual(pixel_at, vec2(0.0))) && all(lessThan(pixel_at, vec2(float(size))));
+        uint index = inside ? uint(pixel_at.y) * size + uint(pixel_at.x) : 0;
+        float stored = inside ? uintBitsToFloat(depth.at[offset + index]) : 0.0;
+        vec2 w = mix(1.0 - weight, weight, step);
+        lit += stored > value ? 0.0 : w.x * w.y;
+    }
+    return lit;
+}

@@ -1,0 +1,63 @@
+//! Constants that Rust and GLSL share: the build script hands each to the shader compiler as a macro of the same name.
+
+/// Name and value of each, for the build script.
+pub const MACROS: &[(&str, u32)] = &[
+    ("TILE", TILE),
+    ("CHUNK", CHUNK),
+    ("BATCH", BATCH),
+    ("LIST_ROW", LIST_ROW),
+    ("MAX_VERTICES", MAX_VERTICES),
+    ("VIEW_HEMICUBE", VIEW_HEMICUBE),
+    ("VIEW_ORTHOGRAPHIC", VIEW_ORTHOGRAPHIC),
+    ("LIGHT_POLYGON", LIGHT_POLYGON),
+    ("LIGHT_DISK", LIGHT_DISK),
+    ("LIGHT_POINT", LIGHT_POINT),
+    ("LIGHT_SPOT", LIGHT_SPOT),
+    ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
+    ("FORM_CLIPPED", FORM_CLIPPED),
+    ("FORM_POLYGON", FORM_POLYGON),
+    ("FORM_DISK", FORM_DISK),
+    ("FORM_PUNCTUAL", FORM_PUNCTUAL),
+    ("FORM_DIRECTIONAL", FORM_DIRECTIONAL),
+    ("FORMS", FORMS),
+];
+
+/// Texels per tile: one workgroup of the accumulation.
+pub const TILE: u32 = 64;
+/// Triangles per chunk: one workgroup of the shadow pass.
+pub const CHUNK: u32 = 64;
+/// Most lights per batch: one bit each in a tile's mask.
+pub const BATCH: u32 = 32;
+/// Lists are dispatched as rows of this many workgroups: the guaranteed limit is 65,535 a dimension.
+pub const LIST_ROW: u32 = 32768;
+/// Most vertices of a polygon light (VPL13 section 5.2).
+pub const MAX_VERTICES: u32 = 8;
+
+/// A view is five faces of half a cube around its pole.
+pub const VIEW_HEMICUBE: u32 = 0;
+/// A view is a square of parallel rays.
+pub const VIEW_ORTHOGRAPHIC: u32 = 1;
+
+/// `Light.kind`.
+pub const LIGHT_POLYGON: u32 = 0;
+/// `Light.kind`.
+pub const LIGHT_DISK: u32 = 1;
+/// `Light.kind`.
+pub const LIGHT_POINT: u32 = 2;
+/// `Light.kind`.
+pub const LIGHT_SPOT: u32 = 3;
+/// `Light.kind`.
+pub const LIGHT_DIRECTIONAL: u32 = 4;
+
+/// How a tile evaluates a light: polygon clipped to the horizon.
+pub const FORM_CLIPPED: u32 = 0;
+/// Polygon wholly above every horizon of the tile.
+pub const FORM_POLYGON: u32 = 1;
+/// Disk, or a polygon so far away that its outline does not matter.
+pub const FORM_DISK: u32 = 2;
+/// Point or spot.
+pub const FORM_PUNCTUAL: u32 = 3;
+/// Parallel light.
+pub const FORM_DIRECTIONAL: u32 = 4;
+/// Number of forms.
+pub const FORMS: u32 = 5;

@@ -1,0 +1,408 @@
+//! The one queue: submissions in order, what waits for them (garbage, ring space, timestamps), and the host's waits.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use ash::vk;
+use gpu_allocator::vulkan::Allocator;
+
+use super::buffer::{Memory, RawBuffer};
+use super::error::{GpuError, Result};
+use super::{Gpu, Shared};
+
+/// Bytes of the upload ring.
+const RING_BYTES: u64 = 16 << 20;
+/// The most that one upload copies: a quarter of the ring.
+pub(super) const MAX_UPLOAD: usize = RING_BYTES as usize / 4;
+/// Timestamps a recording can take.
+pub(super) const MAX_TIMESTAMPS: u32 = 256;
+
+/// Something to free once the device is done with it.
+pub(super) enum Garbage {
+    Buffer(RawBuffer),
+    Pipeline(vk::Pipeline, vk::PipelineLayout),
+}
+
+/// A command buffer with its pool and timestamps, reused when its submission has finished.
+pub(super) struct Recording {
+    pub(super) pool: vk::CommandPool,
+    pub(super) buffer: vk::CommandBuffer,
+    pub(super) timestamps: vk::QueryPool,
+    /// Name, index of the first timestamp; the second follows.
+    pub(super) scopes: Vec<(&'static str, u32)>,
+}
+
+/// Device time spent under one scope name.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Timing {
+    /// The scope.
+    pub name: &'static str,
+    /// How often it ran.
+    pub calls: u64,
+    /// Milliseconds in all, by GPU timestamps.
+    pub ms: f64,
+}
+
+/// The queue and everything that waits for it.
+pub(super) struct Queue {
+    raw: vk::Queue,
+    family: u32,
+    semaphore: vk::Semaphore,
+    /// Value of the last submission; they count from 1.
+    submitted: u64,
+    /// Recordings begun and not yet submitted or dropped.
+    open: u64,
+    in_flight: VecDeque<(u64, Recording)>,
+    idle: Vec<Recording>,
+    garbage: VecDeque<(u64, Garbage)>,
+    ring: Option<RawBuffer>,
+    /// Bytes ever taken from and given back to the ring.
+    ring_head: u64,
+    ring_tail: u64,
+    /// Up to where the ring is free again when a submission has finished.
+    ring_marks: VecDeque<(u64, u64)>,
+    timings: BTreeMap<&'static str, (u64, f64)>,
+}
+
+impl Queue {
+    pub(super) fn new(device: &ash::Device, family: u32) -> Result<Self> {
+        let mut kind =
+            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device was made with one queue of this family and with timeline semaphores.
+        let (raw, semaphore) = unsafe {
+            (
+                device.get_device_queue(family, 0),
+                device.create_semaphore(&info, None),
+            )
+        };
+        Ok(Self {
+            raw,
+            family,
+            semaphore: semaphore.map_err(GpuError::call("vkCreateSemaphore (timeline)"))?,
+            submitted: 0,
+            open: 0,
+            in_flight: VecDeque::new(),
+            idle: Vec::new(),
+            garbage: VecDeque::new(),
+            ring: None,
+            ring_head: 0,
+            ring_tail: 0,
+            ring_marks: VecDeque::new(),
+            timings: BTreeMap::new(),
+        })
+    }
+
+    /// Frees `garbage` after every submission that may still use it.
+    pub(super) fn discard(&mut self, garbage: Garbage) {
+        self.garbage
+            .push_back((self.submitted + self.open, garbage));
+    }
+
+    pub(super) fn begin(&mut self, shared: &Shared) -> Result<Recording> {
+        self.collect(shared)?;
+        let device = &shared.device;
+        // SAFETY: an idle recording's submission has finished; pointers outlive the calls.
+        unsafe {
+            let recording = match self.idle.pop() {
+                Some(mut recording) => {
+                    recording.scopes.clear();
+                    device
+                        .reset_command_pool(recording.pool, vk::CommandPoolResetFlags::empty())
+                        .map_err(GpuError::call("vkResetCommandPool"))?;
+                    recording
+                }
+                None => {
+                    let info = vk::CommandPoolCreateInfo::default().queue_family_index(self.family);
+                    let pool = device
+                        .create_command_pool(&info, None)
+                        .map_err(GpuError::call("vkCreateCommandPool"))?;
+                    let info = vk::CommandBufferAllocateInfo::default()
+                        .command_pool(pool)
+                        .command_buffer_count(1);
+                    let queries = vk::QueryPoolCreateInfo::default()
+                        .query_type(vk::QueryType::TIMESTAMP)
+                        .query_count(MAX_TIMESTAMPS);
+                    let made = device.allocate_command_buffers(&info).and_then(|buffers| {
+                        Ok((buffers[0], device.create_query_pool(&queries, None)?))
+                    });
+                    let (buffer, timestamps) = made.map_err(|result| {
+                        device.destroy_command_pool(pool, None);
+                        GpuError::call("vkAllocateCommandBuffers")(result)
+                    })?;
+                    Recording {
+                        pool,
+                        buffer,
+                        timestamps,
+                        scopes: Vec::new(),
+                    }
+                }
+            };
+            device.reset_query_pool(recording.timestamps, 0, MAX_TIMESTAMPS);
+            let info = vk::CommandBufferBeginInfo::default()
+                .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            if let Err(result) = device.begin_command_buffer(recording.buffer, &info) {
+                self.idle.push(recording);
+                return Err(GpuError::call("vkBeginCommandBuffer")(result));
+            }
+            self.open += 1;
+            Ok(recording)
+        }
+    }
+
+    /// Takes a recording back without running it.
+    pub(super) fn abandon(&mut self, recording: Recording) {
+        self.open -= 1;
+        self.idle.push(recording);
+    }
+
+    pub(super) fn submit(&mut self, shared: &Shared, recording: Recording) -> Result<u64> {
+        self.open -= 1;
+        let value = self.submitted + 1;
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(recording.buffer)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.semaphore)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let info = [vk::SubmitInfo2::default()
+            .command_buffer_infos(&buffers)
+            .signal_semaphore_infos(&signals)];
+        // SAFETY: the recording has ended and is not in flight; the queue is locked.
+        let sent = unsafe {
+            shared
+                .device
+                .end_command_buffer(recording.buffer)
+                .and_then(|()| {
+                    shared
+                        .device
+                        .queue_submit2(self.raw, &info, vk::Fence::null())
+                })
+        };
+        if let Err(result) = sent {
+            let error = self.failure("vkQueueSubmit2", result, &recording);
+            self.idle.push(recording);
+            return Err(error);
+        }
+        self.submitted = value;
+        self.in_flight.push_back((value, recording));
+        self.ring_marks.push_back((value, self.ring_head));
+        Ok(value)
+    }
+
+    fn failure(&self, call: &str, result: vk::Result, running: &Recording) -> GpuError {
+        match result {
+            vk::Result::ERROR_DEVICE_LOST => {
+                let names: Vec<_> = running.scopes.iter().map(|(name, _)| *name).collect();
+                GpuError::Lost {
+                    running: names.join(", "),
+                }
+            }
+            result => GpuError::Call {
+                call: call.to_owned(),
+                result,
+            },
+        }
+    }
+
+    fn finished(&self, shared: &Shared) -> Result<u64> {
+        // SAFETY: the semaphore lives as long as the queue.
+        unsafe { shared.device.get_semaphore_counter_value(self.semaphore) }
+            .map_err(GpuError::call("vkGetSemaphoreCounterValue"))
+    }
+
+    /// Waits for submission `value` and collects what waited for it.
+    pub(super) fn wait(&mut self, shared: &Shared, value: u64) -> Result<()> {
+        let semaphores = [self.semaphore];
+        let values = [value];
+        let info = vk::SemaphoreWaitInfo::default()
+            .semaphores(&semaphores)
+            .values(&values);
+        // SAFETY: as above.
+        if let Err(result) = unsafe { shared.device.wait_semaphores(&info, u64::MAX) } {
+            return Err(match self.in_flight.front() {
+                Some((_, running)) => self.failure("vkWaitSemaphores", result, running),
+                None => GpuError::Call {
+                    call: "vkWaitSemaphores".into(),
+                    result,
+                },
+            });
+        }
+        self.collect(shared)
+    }
+
+    /// Reads timestamps, frees garbage and ring space of all finished submissions.
+    fn collect(&mut self, shared: &Shared) -> Result<()> {
+        let finished = self.finished(shared)?;
+        while self
+            .in_flight
+            .front()
+            .is_some_and(|(value, _)| *value <= finished)
+        {
+            let Some((_, recording)) = self.in_flight.pop_front() else {
+                break;
+            };
+            for (name, first) in &recording.scopes {
+                let mut ticks = [0u64; 2];
+                // SAFETY: both timestamps were written by the finished submission.
+                let read = unsafe {
+                    shared.device.get_query_pool_results(
+                        recording.timestamps,
+                        *first,
+                        &mut ticks,
+                        vk::QueryResultFlags::TYPE_64,
+                    )
+                };
+                if read.is_ok() {
+                    let timing = self.timings.entry(name).or_default();
+                    timing.0 += 1;
+                    timing.1 +=
+                        ticks[1].saturating_sub(ticks[0]) as f64 * shared.timestamp_ns * 1e-6;
+                }
+            }
+            self.idle.push(recording);
+        }
+        while self
+            .ring_marks
+            .front()
+            .is_some_and(|(value, _)| *value <= finished)
+        {
+            if let Some((_, tail)) = self.ring_marks.pop_front() {
+                self.ring_tail = tail;
+            }
+        }
+        if self
+            .garbage
+            .front()
+            .is_some_and(|(value, _)| *value <= finished)
+        {
+            let mut allocator = shared.allocator.lock().unwrap_or_else(|e| e.into_inner());
+            while self
+                .garbage
+                .front()
+                .is_some_and(|(value, _)| *value <= finished)
+            {
+                if let (Some((_, garbage)), Some(allocator)) =
+                    (self.garbage.pop_front(), allocator.as_mut())
+                {
+                    // SAFETY: no unfinished submission came before it was discarded.
+                    unsafe { garbage.destroy(&shared.device, allocator) };
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts `bytes` into the ring and says where; waits for older submissions when it is full.
+    pub(super) fn stage(&mut self, shared: &Shared, bytes: &[u8]) -> Result<(vk::Buffer, u64)> {
+        let size = (bytes.len() as u64).next_multiple_of(16);
+        assert!(
+            bytes.len() <= MAX_UPLOAD,
+            "an upload of {} bytes is more than the ring takes at once",
+            bytes.len()
+        );
+        if self.ring.is_none() {
+            self.ring = Some(RawBuffer::new(
+                shared,
+                "upload ring",
+                RING_BYTES,
+                Memory::Upload,
+            )?);
+        }
+        let mut at = self.ring_head;
+        if at % RING_BYTES + size > RING_BYTES {
+            at = at.next_multiple_of(RING_BYTES);
+        }
+        while at + size > self.ring_tail + RING_BYTES {
+            let oldest = self.ring_marks.front().map(|mark| mark.0);
+            let oldest = oldest.expect("one recording uploads less than the ring holds");
+            self.wait(shared, oldest)?;
+        }
+        self.ring_head = at + size;
+        let ring = self.ring.as_mut().expect("made above");
+        ring.write_mapped(at % RING_BYTES, bytes);
+        Ok((ring.handle, at % RING_BYTES))
+    }
+
+    /// # Safety
+    /// The device is idle.
+    pub(super) unsafe fn destroy(
+        &mut self,
+        device: &ash::Device,
+        allocator: Option<&mut Allocator>,
+    ) {
+        // SAFETY: the caller's promise; each handle is destroyed once.
+        unsafe {
+            for recording in self
+                .idle
+                .drain(..)
+                .chain(self.in_flight.drain(..).map(|(_, r)| r))
+            {
+                device.destroy_query_pool(recording.timestamps, None);
+                device.destroy_command_pool(recording.pool, None);
+            }
+            if let Some(allocator) = allocator {
+                for (_, garbage) in self.garbage.drain(..) {
+                    garbage.destroy(device, allocator);
+                }
+                if let Some(ring) = self.ring.take() {
+                    ring.destroy(device, allocator);
+                }
+            }
+            device.destroy_semaphore(self.semaphore, None);
+        }
+    }
+}
+
+impl Garbage {
+    /// # Safety
+    /// The device is done with it.
+    unsafe fn destroy(self, device: &ash::Device, allocator: &mut Allocator) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            match self {
+                Garbage::Buffer(buffer) => buffer.destroy(device, allocator),
+                Garbage::Pipeline(pipeline, layout) => {
+                    device.destroy_pipeline(pipeline, None);
+                    device.destroy_pipeline_layout(layout, None);
+                }
+            }
+        }
+    }
+}
+
+/// A submission's place in the queue.
+#[must_use = "a submission that nobody waits for may never be checked"]
+pub struct Ticket {
+    pub(super) gpu: Gpu,
+    pub(super) value: u64,
+}
+
+impl Ticket {
+    /// Blocks until the submission has finished.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] with the scopes that were running; [`GpuError::Validation`] if the layer has spoken.
+    pub fn wait(&self) -> Result<()> {
+        self.gpu.queue().wait(&self.gpu.0, self.value)?;
+        self.gpu.check_validation()
+    }
+
+    /// Whether it has finished.
+    pub fn is_done(&self) -> Result<bool> {
+        Ok(self.gpu.queue().finished(&self.gpu.0)? >= self.value)
+    }
+}
+
+impl Gpu {
+    /// Device time by scope since the start, of all submissions that were waited for.
+    pub fn timings(&self) -> Vec<Timing> {
+        self.queue()
+            .timings
+            .iter()
+            .map(|(name, (calls, ms))| Timing {
+                name,
+                calls: *calls,
+                ms: *ms,
+            })
+            .collect()
+    }
+}
