@@ -1,6 +1,25 @@
 //! The scene: what is lit and what lights it, in glTF's units (metres, candela, lux, cd/m², Y up).
 
+mod accessor;
+pub mod builtin;
+mod document;
+mod error;
+mod json;
+mod lights;
+mod load;
+mod materials;
+mod meshes;
+mod pack;
+mod sample;
+mod uri;
+
 use std::sync::Arc;
+
+pub use document::{Document, EncodedImage, ImageData};
+pub use error::SceneError;
+pub use lights::overlay_lights;
+pub use pack::write_whole;
+pub use sample::Bounds;
 
 use glam::{Affine2, Affine3A, Vec2, Vec3, Vec4};
 
