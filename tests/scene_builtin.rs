@@ -88,9 +88,9 @@ fn cornell_is_the_classic_box() {
             }
         }
     }
-    assert_eq!(scene.albedo(3, 0, [0.0; 2]), Vec3::new(0.63, 0.065, 0.05));
+    assert_eq!(scene.albedo(3, 0, Vec3::X), Vec3::new(0.63, 0.065, 0.05));
     assert_eq!(
-        scene.emission(7, 1, [0.0; 2]),
+        scene.emission(7, 1, Vec3::X),
         Vec3::new(5100.0, 3600.0, 1200.0)
     );
 }
@@ -106,7 +106,7 @@ fn the_sphere_is_nearly_round_and_faces_its_lamp() {
         let [a, b, c] = scene.world_triangle(0, triangle);
         assert!((b - a).cross(c - a).dot(a) < 0.0);
     }
-    assert_eq!(scene.albedo(0, 0, [0.0; 2]), Vec3::splat(0.8));
+    assert_eq!(scene.albedo(0, 0, Vec3::X), Vec3::splat(0.8));
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn every_wall_of_the_furnace_glows_inward() {
     for triangle in 0..12 {
         let [a, b, c] = scene.world_triangle(0, triangle);
         assert!((b - a).cross(c - a).dot(Vec3::Y - a) > 0.0);
-        assert_eq!(scene.emission(0, triangle, [0.0; 2]), Vec3::ONE);
+        assert_eq!(scene.emission(0, triangle, Vec3::X), Vec3::ONE);
     }
 }
 

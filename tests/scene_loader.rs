@@ -253,7 +253,7 @@ fn materials_textures_and_what_a_surface_looks_like() {
         ),
     ];
     let scene = triangle(&png, &changes).unwrap();
-    let middle = [1.0 / 3.0; 2];
+    let middle = Vec3::splat(1.0 / 3.0);
     let reference = scene.materials[1].base_color_texture.as_ref().unwrap();
     assert_eq!(
         (reference.texcoord, reference.wrap),
@@ -440,7 +440,7 @@ fn lights_of_another_file_are_laid_over() {
     );
     assert_eq!(scene.lights.len(), 1);
     assert_eq!(
-        scene.emission(1, 0, [0.0; 2]),
+        scene.emission(1, 0, Vec3::X),
         Vec3::new(5100.0, 3600.0, 1200.0)
     );
     builtin("integrating-sphere")

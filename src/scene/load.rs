@@ -387,7 +387,7 @@ fn check_extent(place: &str, world: &Affine3A, [min, max]: [Vec3; 2]) -> Result<
     Err(invalid(
         place,
         format_args!(
-            "it reaches {} m from the origin, the limit is {WORLD_LIMIT} m (glTF's unit is the metre)",
+            "it reaches {:e} m from the origin, the limit is {WORLD_LIMIT:e} m (glTF's unit is the metre)",
             reach.max_element()
         ),
     ))

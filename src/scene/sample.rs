@@ -86,8 +86,8 @@ impl Scene {
     }
 
     /// Diffuse albedo, linear RGB in 0..1, at barycentric coordinates: the weights of the triangle's
-    /// second and third corner in the mesh's order, for mirrored objects too.
-    pub fn albedo(&self, object: u32, triangle: u32, barycentric: [f32; 2]) -> Vec3 {
+    /// corners in the mesh's order, for mirrored objects too.
+    pub fn albedo(&self, object: u32, triangle: u32, barycentric: Vec3) -> Vec3 {
         let material = self.material(object, triangle);
         let texel = self.fetch(&material.base_color_texture, object, triangle, barycentric);
         (material.base_color * texel)
@@ -96,7 +96,7 @@ impl Scene {
     }
 
     /// Emitted radiance in cd/m², linear RGB, at barycentric coordinates (as for [`Self::albedo`]).
-    pub fn emission(&self, object: u32, triangle: u32, barycentric: [f32; 2]) -> Vec3 {
+    pub fn emission(&self, object: u32, triangle: u32, barycentric: Vec3) -> Vec3 {
         let material = self.material(object, triangle);
         if material.emission == Vec3::ZERO {
             return Vec3::ZERO;
@@ -108,7 +108,7 @@ impl Scene {
     }
 
     /// Whether light passes the surface at barycentric coordinates (as for [`Self::albedo`]): its alpha is below the cutoff.
-    pub fn alpha_passes(&self, object: u32, triangle: u32, barycentric: [f32; 2]) -> bool {
+    pub fn alpha_passes(&self, object: u32, triangle: u32, barycentric: Vec3) -> bool {
         let material = self.material(object, triangle);
         match material.alpha {
             AlphaMode::Opaque => false,
@@ -128,7 +128,7 @@ impl Scene {
         reference: &Option<TextureRef>,
         object: u32,
         triangle: u32,
-        barycentric: [f32; 2],
+        barycentric: Vec3,
     ) -> Vec4 {
         let Some(reference) = reference else {
             return Vec4::ONE;
@@ -137,10 +137,9 @@ impl Scene {
         let set = &mesh.texcoords[reference.texcoord as usize];
         let [a, b, c] = mesh.triangles[triangle as usize]
             .map(|v| set.get(v as usize).copied().unwrap_or(Vec2::ZERO));
-        let [v, w] = barycentric;
         reference.sample(
             &self.textures[reference.texture as usize],
-            a + (b - a) * v + (c - a) * w,
+            a * barycentric.x + b * barycentric.y + c * barycentric.z,
         )
     }
 }
