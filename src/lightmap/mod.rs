@@ -1,8 +1,23 @@
 //! Where the light is kept: charts in an atlas, the texels that surfaces fetch, the finished map, and its files.
 
+mod atlas;
+mod authored;
+pub mod coverage;
+mod edges;
+mod skyline;
+mod unwrap;
+
+pub use atlas::{AtlasOptions, LightmapError, Placement};
+pub use authored::Refusal;
+
 use std::sync::Arc;
 
 use glam::{UVec2, Vec2};
+use serde::{Deserialize, Serialize};
+
+/// Empty texels around every chart and every object's rectangle: charts are twice this apart, so that neither bilinear
+/// filtering nor a coarser mip level or two mixes them.
+pub const PADDING: u32 = 2;
 
 /// Where every object's charts lie. A chart's texels belong to one object alone.
 #[derive(Clone, Debug)]
@@ -33,11 +48,12 @@ pub struct ObjectAtlas {
 }
 
 /// Where an object's lightmap coordinates come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum UvSource {
     /// The file's `TEXCOORD_1`.
     Authored,
-    /// Charts made by xatlas.
+    /// Charts made for it.
     Unwrapped,
 }
 
