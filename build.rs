@@ -121,6 +121,7 @@ struct Module {
 const OP_NAME: u32 = 5;
 const OP_MEMBER_NAME: u32 = 6;
 const OP_EXECUTION_MODE: u32 = 16;
+const OP_EXECUTION_MODE_ID: u32 = 331;
 const OP_TYPE_INT: u32 = 21;
 const OP_TYPE_FLOAT: u32 = 22;
 const OP_TYPE_VECTOR: u32 = 23;
@@ -135,35 +136,49 @@ const DECORATION_ARRAY_STRIDE: u32 = 6;
 const DECORATION_OFFSET: u32 = 35;
 const STORAGE_PUSH_CONSTANT: u32 = 9;
 const MODE_LOCAL_SIZE: u32 = 17;
+const MODE_LOCAL_SIZE_ID: u32 = 38;
 
 impl Module {
     fn parse(words: &[u32]) -> Self {
         let mut module = Self::default();
+        let mut size_ids = None;
         let mut rest = &words[5..];
         while let Some(&head) = rest.first() {
             let (length, op) = ((head >> 16) as usize, head & 0xffff);
             let o = &rest[1..length];
             match op {
-                OP_NAME => drop(module.names.insert(o[0], text(&o[1..]))),
-                OP_MEMBER_NAME => drop(module.member_names.insert((o[0], o[1]), text(&o[2..]))),
+                OP_NAME => {
+                    module.names.insert(o[0], text(&o[1..]));
+                }
+                OP_MEMBER_NAME => {
+                    module.member_names.insert((o[0], o[1]), text(&o[2..]));
+                }
                 OP_EXECUTION_MODE if o[1] == MODE_LOCAL_SIZE => {
                     module.local_size = [o[2], o[3], o[4]]
                 }
+                OP_EXECUTION_MODE_ID if o[1] == MODE_LOCAL_SIZE_ID => {
+                    size_ids = Some([o[2], o[3], o[4]])
+                }
                 OP_DECORATE if o[1] == DECORATION_ARRAY_STRIDE => {
-                    drop(module.strides.insert(o[0], o[2]))
+                    module.strides.insert(o[0], o[2]);
                 }
                 OP_MEMBER_DECORATE if o[2] == DECORATION_OFFSET => {
-                    drop(module.offsets.insert((o[0], o[1]), o[3]))
+                    module.offsets.insert((o[0], o[1]), o[3]);
                 }
                 OP_TYPE_INT | OP_TYPE_FLOAT | OP_TYPE_VECTOR | OP_TYPE_ARRAY | OP_TYPE_STRUCT
                 | OP_TYPE_POINTER => {
                     module.types.insert(o[0], (op, o[1..].to_vec()));
                 }
-                OP_CONSTANT => drop(module.constants.insert(o[1], o[2])),
+                OP_CONSTANT => {
+                    module.constants.insert(o[1], o[2]);
+                }
                 OP_VARIABLE if o[2] == STORAGE_PUSH_CONSTANT => module.push_pointer = Some(o[0]),
                 _ => {}
             }
             rest = &rest[length..];
+        }
+        if let Some(ids) = size_ids {
+            module.local_size = ids.map(|id| module.constants[&id]);
         }
         module
     }

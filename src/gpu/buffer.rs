@@ -12,10 +12,21 @@ use super::error::{GpuError, Result};
 use super::queue::{Garbage, MAX_UPLOAD};
 use super::{Gpu, Shared, Stage};
 
-/// A device address as shaders see it, in push constants and structs.
+/// A device address as shaders see it, in push constants and structs: low word, high word, so that a structure that ends
+/// in a 32-bit member has no padding. It must lie at a multiple of 8 bytes.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Address(pub u64);
+pub struct Address([u32; 2]);
+
+impl Address {
+    fn new(address: u64) -> Self {
+        Self([address as u32, (address >> 32) as u32])
+    }
+
+    fn plus(self, offset: u64) -> Self {
+        Self::new((u64::from(self.0[1]) << 32 | u64::from(self.0[0])) + offset)
+    }
+}
 
 /// Which side of the bus a buffer lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,7 +118,7 @@ impl RawBuffer {
             Ok(Self {
                 handle,
                 allocation: Some(allocation),
-                address: Address(address),
+                address: Address::new(address),
                 size,
             })
         }
@@ -169,7 +180,7 @@ impl Buffer {
             "offset {offset} lies outside `{}`",
             self.name
         );
-        Address(self.raw.address.0 + offset)
+        self.raw.address.plus(offset)
     }
 
     /// Bytes.

@@ -1,0 +1,212 @@
+//! Adds a batch of lights to the lightmap: cull tiles per form, then evaluate each form over its tiles.
+
+use std::collections::BTreeMap;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::list::Heads;
+use super::place::Receivers;
+use super::records::Light;
+use super::shaders;
+use super::shadow::ShadowPass;
+use super::shared::{
+    BATCH, FORM_CLIPPED, FORM_DIRECTIONAL, FORM_DISK, FORM_POLYGON, FORM_PUNCTUAL, FORMS,
+    LIGHT_DIRECTIONAL, LIGHT_DISK, LIGHT_POLYGON, TILE,
+};
+use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
+
+/// A polygon further away than this many of its radii is evaluated as a disk.
+const FAR: f32 = 6.0;
+/// Relative slack of depth comparisons.
+const BIAS: f32 = 2e-3;
+/// Slack of parallel light's depth comparisons, in units of the scene's depth.
+const PARALLEL_BIAS: f32 = 2e-6;
+
+/// Numbers that every contribution depends on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Evaluation {
+    /// Fixed-point units per lux, a power of two.
+    pub scale: f32,
+    /// Half a texel, metres.
+    pub epsilon: f32,
+    /// Factor of a disk's area in its form factor's denominator (1: Wallace et al. 1989).
+    pub disk_area: f32,
+}
+
+/// The accumulation passes, their buffers, and the sums themselves.
+pub(super) struct AccumulatePass {
+    cull: Pipeline,
+    /// By form and softness, made when first needed.
+    pipelines: BTreeMap<(u32, bool), Pipeline>,
+    heads: Heads,
+    lists: Buffer,
+    lights: Buffer,
+    sums: Buffer,
+    evaluation: Evaluation,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct CullPush {
+    tiles: Address,
+    lights: Address,
+    lists: Address,
+    heads: Address,
+    first_tile: u32,
+    tile_count: u32,
+    light_count: u32,
+    epsilon: f32,
+    far: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Push {
+    receivers: Address,
+    lights: Address,
+    list: Address,
+    views: Address,
+    depth: Address,
+    sums: Address,
+    scale: f32,
+    epsilon: f32,
+    disk_area: f32,
+    bias: f32,
+}
+
+impl AccumulatePass {
+    pub(super) fn new(gpu: &Gpu, receivers: &Receivers, evaluation: Evaluation) -> Result<Self> {
+        let tiles = u64::from(receivers.tile_count);
+        let sums = gpu.buffer(
+            "lightmap sums",
+            tiles * u64::from(TILE) * 24,
+            Memory::Device,
+        )?;
+        let mut cmd = gpu.commands()?;
+        cmd.fill(&sums, 0, sums.size(), 0);
+        cmd.submit()?.wait()?;
+        Ok(Self {
+            cull: gpu.pipeline(shaders::TILE_CULL, &[])?,
+            pipelines: BTreeMap::new(),
+            heads: Heads::new(gpu, "tile lists", FORMS)?,
+            lists: gpu.buffer("tile entries", tiles * 8 * u64::from(FORMS), Memory::Device)?,
+            lights: gpu.buffer(
+                "lights",
+                u64::from(BATCH) * size_of::<Light>() as u64,
+                Memory::Device,
+            )?,
+            sums,
+            evaluation,
+        })
+    }
+
+    /// Adds `lights`, whose depth maps `shadow` has drawn. `soft`: percentage-closer soft shadows.
+    pub(super) fn record(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        receivers: &Receivers,
+        shadow: &ShadowPass,
+        lights: &[Light],
+        soft: bool,
+    ) -> Result<()> {
+        assert!(
+            lights.len() <= BATCH as usize,
+            "a batch has a bit for each of its lights"
+        );
+        let forms = forms_of(lights);
+        for &form in &forms {
+            if !self.pipelines.contains_key(&(form, soft)) {
+                let pipeline = gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft), 1])?;
+                self.pipelines.insert((form, soft), pipeline);
+            }
+        }
+        let tile_count = receivers.tile_count;
+        cmd.upload(&self.lights, 0, lights)?;
+        self.heads.clear(cmd);
+        cmd.barrier(Stage::All, Stage::Compute);
+        cmd.scope("tile cull", |cmd| {
+            let push = CullPush {
+                tiles: receivers.tiles.address(),
+                lights: self.lights.address(),
+                lists: self.lists.address(),
+                heads: self.heads.address(0),
+                first_tile: 0,
+                tile_count,
+                light_count: lights.len() as u32,
+                epsilon: self.evaluation.epsilon,
+                far: FAR,
+            };
+            cmd.dispatch(&self.cull, &push, [tile_count, 1, 1]);
+            self.heads.finish(cmd);
+        });
+        for form in forms {
+            let push = Push {
+                receivers: receivers.receivers.address(),
+                lights: self.lights.address(),
+                list: self
+                    .lists
+                    .address_at(u64::from(form) * u64::from(tile_count) * 8),
+                views: shadow.views(),
+                depth: shadow.depth(),
+                sums: self.sums.address(),
+                scale: self.evaluation.scale,
+                epsilon: self.evaluation.epsilon,
+                disk_area: self.evaluation.disk_area,
+                bias: if form == FORM_DIRECTIONAL {
+                    PARALLEL_BIAS
+                } else {
+                    BIAS
+                },
+            };
+            cmd.scope(scope_name(form, soft), |cmd| {
+                self.heads
+                    .dispatch(cmd, &self.pipelines[&(form, soft)], &push, form);
+            });
+            // The next form may add to the same texels.
+            cmd.barrier(Stage::Compute, Stage::Compute);
+        }
+        Ok(())
+    }
+
+    /// The sums: per tile 64 reds, 64 greens, 64 blues.
+    pub(super) fn read(&self) -> Result<Vec<i64>> {
+        self.sums.read(0..(self.sums.size() / 8) as usize)
+    }
+
+    /// Fixed-point units per lux.
+    pub(super) fn scale(&self) -> f32 {
+        self.evaluation.scale
+    }
+}
+
+fn forms_of(lights: &[Light]) -> Vec<u32> {
+    let any = |kinds: &[u32]| lights.iter().any(|l| kinds.contains(&l.kind));
+    let mut forms = Vec::new();
+    if any(&[LIGHT_POLYGON]) {
+        forms.extend([FORM_CLIPPED, FORM_POLYGON]);
+    }
+    if any(&[LIGHT_POLYGON, LIGHT_DISK]) {
+        forms.push(FORM_DISK);
+    }
+    if any(&[super::shared::LIGHT_POINT, super::shared::LIGHT_SPOT]) {
+        forms.push(FORM_PUNCTUAL);
+    }
+    if any(&[LIGHT_DIRECTIONAL]) {
+        forms.push(FORM_DIRECTIONAL);
+    }
+    forms
+}
+
+fn scope_name(form: u32, soft: bool) -> &'static str {
+    match (form, soft) {
+        (FORM_CLIPPED, false) => "accumulate clipped polygons",
+        (FORM_CLIPPED, true) => "accumulate clipped polygons, soft",
+        (FORM_POLYGON, false) => "accumulate polygons",
+        (FORM_POLYGON, true) => "accumulate polygons, soft",
+        (FORM_DISK, false) => "accumulate disks",
+        (FORM_DISK, true) => "accumulate disks, soft",
+        (FORM_PUNCTUAL, _) => "accumulate points and spots",
+        _ => "accumulate parallel light",
+    }
+}

@@ -1,0 +1,509 @@
+//! Slow, obvious twins of the GPU passes, and the tests that hold the passes to them.
+
+use arrayvec::ArrayVec;
+use glam::{DVec3, Vec3};
+
+use super::accumulate::{AccumulatePass, Evaluation};
+use super::occluders::Occluders;
+use super::place::Receivers;
+use super::records::{self, Light, ShadowSizes, View};
+use super::shaders;
+use super::shadow::ShadowPass;
+use crate::cluster::{Shape, VirtualLight};
+use crate::gpu::{Gpu, GpuError, GpuOptions, Stage};
+use crate::lightmap::Texel;
+use crate::scene::{Bounds, Mesh, Object, Primitive, Scene};
+
+/// The device under test, with the validation layer where it is installed.
+fn gpu() -> Gpu {
+    match Gpu::new(&GpuOptions {
+        device: None,
+        validate: true,
+    }) {
+        Err(GpuError::NoValidation) => {
+            eprintln!("the validation layer is not installed: running without it");
+            Gpu::new(&GpuOptions::default()).expect("a Vulkan device")
+        }
+        gpu => gpu.expect("a Vulkan device"),
+    }
+}
+
+/// Uniform numbers in 0..1 from a counter.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f32 {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        ((self.0 >> 40) as f32) / (1u64 << 24) as f32
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0
+    }
+
+    fn direction(&mut self) -> Vec3 {
+        loop {
+            let v = self.vector();
+            if v.length_squared() > 0.01 && v.length_squared() < 1.0 {
+                return v.normalize();
+            }
+        }
+    }
+}
+
+/// One mesh of loose triangles.
+fn soup(triangles: &[[Vec3; 3]]) -> Scene {
+    let count = triangles.len() as u32;
+    let mesh = Mesh {
+        positions: triangles.iter().flatten().copied().collect(),
+        normals: vec![Vec3::ZERO; triangles.len() * 3],
+        triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+        primitives: vec![Primitive {
+            triangles: 0..count,
+            vertices: 0..3 * count,
+            material: 0,
+            source: 0,
+        }],
+        ..Mesh::default()
+    };
+    Scene {
+        meshes: vec![mesh.into()],
+        objects: vec![Object {
+            name: "soup".into(),
+            node: 0,
+            mesh: 0,
+            transform: glam::Affine3A::IDENTITY,
+        }],
+        ..Scene::default()
+    }
+}
+
+/// Receivers anywhere in the cube of the given half size, facing anywhere, as whole tiles.
+fn random_texels(numbers: &mut Numbers, tiles: usize, half: f32) -> Vec<Texel> {
+    (0..tiles)
+        .flat_map(|_| {
+            // Tiles are small and nearly flat, as real ones are.
+            let (center, axis) = (numbers.vector() * half, numbers.direction());
+            (0..Texel::TILE)
+                .map(|_| Texel {
+                    position: (center + numbers.vector() * 0.05).to_array(),
+                    object: 0,
+                    normal: (axis + numbers.vector() * 0.2).normalize().to_array(),
+                    pixel: 0,
+                })
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+const SIZES: ShadowSizes = ShadowSizes {
+    indirect: 64,
+    direct: 128,
+    sun: 256,
+};
+const EVALUATION: Evaluation = Evaluation {
+    scale: (1u64 << 32) as f32,
+    epsilon: 0.0,
+    disk_area: 0.3,
+};
+
+fn bounds() -> Bounds {
+    Bounds {
+        min: Vec3::splat(-4.0),
+        max: Vec3::splat(4.0),
+    }
+}
+
+/// Runs the real passes; returns irradiance in lux per receiver.
+fn accumulate(
+    gpu: &Gpu,
+    scene: &Scene,
+    texels: &[Texel],
+    lights: &[(VirtualLight, i32)],
+) -> Vec<[f64; 3]> {
+    let occluders = Occluders::new(gpu, scene).expect("upload");
+    let receivers = Receivers::new(gpu, scene, texels).expect("place");
+    let shadow = ShadowPass::new(gpu, &occluders, 16 << 20).expect("buffers");
+    let mut pass = AccumulatePass::new(gpu, &receivers, EVALUATION).expect("buffers");
+    for batch in lights.chunks(8) {
+        let (mut views, mut offset) = (Vec::new(), 0);
+        let records: Vec<Light> = batch
+            .iter()
+            .map(|(light, sign)| {
+                records::record(light, *sign, &SIZES, &bounds(), &mut views, &mut offset)
+            })
+            .collect();
+        let mut cmd = gpu.commands().expect("recording");
+        cmd.barrier(Stage::All, Stage::All);
+        shadow
+            .record(&mut cmd, &occluders, &views)
+            .expect("recording");
+        pass.record(gpu, &mut cmd, &receivers, &shadow, &records, false)
+            .expect("recording");
+        cmd.submit()
+            .expect("submission")
+            .wait()
+            .expect("no validation message");
+    }
+    let sums = pass.read().expect("read-back");
+    let scale = f64::from(pass.scale());
+    sums.chunks_exact(3 * Texel::TILE)
+        .flat_map(|t| {
+            (0..Texel::TILE).map(move |i| [0, 1, 2].map(|c| t[c * Texel::TILE + i] as f64 / scale))
+        })
+        .collect()
+}
+
+/// Irradiance without occlusion in double precision, the polygon clipped vertex by vertex, its form factor with `acos`.
+fn irradiance(light: &VirtualLight, p: DVec3, n: DVec3) -> DVec3 {
+    let flux = light.flux.as_dvec3();
+    let normal = light.normal.as_dvec3();
+    let l = light.position.as_dvec3() - p;
+    let (d2, unit) = (l.length_squared(), l.normalize());
+    let pi = std::f64::consts::PI;
+    match &light.shape {
+        Shape::Directional { .. } => flux * (-n.dot(normal)).max(0.0),
+        Shape::Point => flux * n.dot(unit).max(0.0) / d2,
+        Shape::Spot { inner, outer } => {
+            let (ci, co) = (f64::from(inner.cos()), f64::from(outer.cos()));
+            let cone = ((-unit.dot(normal) - co) / (ci - co).max(1e-3)).clamp(0.0, 1.0);
+            flux * n.dot(unit).max(0.0) * cone * cone / d2
+        }
+        Shape::Disk { area } => {
+            let cosines = n.dot(unit).max(0.0) * (-unit.dot(normal)).max(0.0);
+            flux * cosines / (pi * d2 + f64::from(EVALUATION.disk_area * area))
+        }
+        Shape::Polygon { vertices } => {
+            if l.dot(normal) >= 0.0 {
+                return DVec3::ZERO;
+            }
+            let outline: Vec<DVec3> = vertices.iter().map(|v| v.as_dvec3() - p).collect();
+            let area: DVec3 = (1..outline.len() - 1)
+                .map(|i| (outline[i] - outline[0]).cross(outline[i + 1] - outline[0]))
+                .sum();
+            let mut clipped = Vec::new();
+            for (i, &b) in outline.iter().enumerate() {
+                let a = outline[(i + outline.len() - 1) % outline.len()];
+                let (ha, hb) = (a.dot(n), b.dot(n));
+                if (ha > 0.0) != (hb > 0.0) {
+                    clipped.push(a + (b - a) * (ha / (ha - hb)));
+                }
+                if hb > 0.0 {
+                    clipped.push(b);
+                }
+            }
+            let factor: f64 = (0..clipped.len())
+                .map(|i| {
+                    let (a, b) = (
+                        clipped[i].normalize(),
+                        clipped[(i + 1) % clipped.len()].normalize(),
+                    );
+                    -n.dot(a.cross(b).normalize_or_zero()) * a.dot(b).clamp(-1.0, 1.0).acos()
+                        / (2.0 * pi)
+                })
+                .sum();
+            flux * factor.max(0.0) / (0.5 * area.length())
+        }
+    }
+}
+
+fn random_light(numbers: &mut Numbers, kind: usize) -> VirtualLight {
+    let normal = numbers.direction();
+    let position = numbers.vector() * 2.0;
+    let (u, v) = normal.any_orthonormal_pair();
+    let shape = match kind {
+        0 => {
+            let corners = 3 + (numbers.next() * 5.99) as usize;
+            let (ru, rv) = (0.2 + numbers.next(), 0.2 + numbers.next());
+            let vertices: ArrayVec<Vec3, 8> = (0..corners)
+                .map(|i| {
+                    let angle = std::f32::consts::TAU * i as f32 / corners as f32;
+                    position + u * (ru * angle.cos()) + v * (rv * angle.sin())
+                })
+                .collect();
+            Shape::Polygon { vertices }
+        }
+        1 => Shape::Disk {
+            area: numbers.next(),
+        },
+        2 => Shape::Point,
+        3 => Shape::Spot {
+            inner: 0.3,
+            outer: 0.9,
+        },
+        _ => Shape::Directional {
+            frame: glam::Affine3A::IDENTITY,
+        },
+    };
+    // The polygon of u and v is counter-clockwise around u x v.
+    let normal = if kind == 0 { u.cross(v) } else { normal };
+    VirtualLight {
+        shape,
+        position,
+        normal,
+        flux: Vec3::new(1.0, 2.0, 3.0),
+        direct: false,
+    }
+}
+
+#[test]
+fn every_form_agrees_with_double_precision() {
+    let gpu = gpu();
+    let mut numbers = Numbers(7);
+    let texels = random_texels(&mut numbers, 40, 3.0);
+    // No occluder: a triangle far outside.
+    let far = Vec3::splat(100.0);
+    let scene = soup(&[[far, far + Vec3::X, far + Vec3::Y]]);
+    for (kind, tolerance) in [(0, 4e-3), (1, 1e-4), (2, 1e-5), (3, 1e-4), (4, 1e-5)] {
+        for _ in 0..6 {
+            let light = random_light(&mut numbers, kind);
+            let got = accumulate(&gpu, &scene, &texels, &[(light.clone(), 1)]);
+            let peak = texels
+                .iter()
+                .map(|t| irradiance(&light, t.at(), t.facing()).y)
+                .fold(0.0, f64::max);
+            for (texel, got) in texels.iter().zip(&got) {
+                let want = irradiance(&light, texel.at(), texel.facing());
+                for (got, want) in got.iter().zip(want.to_array()) {
+                    let error = (got - want).abs();
+                    assert!(
+                        error <= tolerance * want + 2e-5 * peak,
+                        "kind {kind}: {got} for {want}, {light:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+impl Texel {
+    fn at(&self) -> DVec3 {
+        Vec3::from_array(self.position).as_dvec3()
+    }
+
+    fn facing(&self) -> DVec3 {
+        Vec3::from_array(self.normal).as_dvec3()
+    }
+}
+
+/// Inverse depth of the nearest triangle along `d` (whose component along the face's axis is 1), in double precision;
+/// also the same with all triangles grown and shrunk a little, between which any rounding must end.
+fn nearest(triangles: &[[Vec3; 3]], origin: Vec3, d: DVec3, grow: f64) -> f64 {
+    triangles
+        .iter()
+        .filter_map(|t| {
+            let [a, b, c] = t.map(|v| (v - origin).as_dvec3());
+            let normal = (b - a).cross(c - a);
+            let along = normal.dot(a) / normal.dot(d);
+            let hit = d * along;
+            let weight =
+                |p: DVec3, q: DVec3| (q - p).cross(hit - p).dot(normal) / normal.length_squared();
+            let inside = weight(a, b).min(weight(b, c)).min(weight(c, a)) >= -grow;
+            (along > 0.0 && inside).then(|| 1.0 / along)
+        })
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn depth_maps_hold_the_nearest_triangle_of_every_pixel() {
+    let gpu = gpu();
+    let mut numbers = Numbers(11);
+    // Small and large triangles, some through the planes of the view's faces, some behind it.
+    let triangles: Vec<[Vec3; 3]> = (0..300)
+        .map(|i| {
+            let center = numbers.vector() * 3.0;
+            let size = if i % 10 == 0 { 2.5 } else { 0.15 };
+            [0; 3].map(|_| center + numbers.vector() * size)
+        })
+        .collect();
+    let scene = soup(&triangles);
+    let occluders = Occluders::new(&gpu, &scene).expect("upload");
+    let shadow = ShadowPass::new(&gpu, &occluders, 1 << 20).expect("buffers");
+    for kind in [1, 4] {
+        let light = random_light(&mut numbers, kind);
+        let sizes = ShadowSizes { sun: 96, ..SIZES };
+        let (mut views, mut offset) = (Vec::new(), 0);
+        records::record(&light, 1, &sizes, &bounds(), &mut views, &mut offset);
+        let mut cmd = gpu.commands().expect("recording");
+        shadow
+            .record(&mut cmd, &occluders, &views)
+            .expect("recording");
+        cmd.submit()
+            .expect("submission")
+            .wait()
+            .expect("no validation message");
+        let depth = shadow.read_depth(offset as usize).expect("read-back");
+        let mut wrong = 0;
+        for (index, got) in depth.iter().enumerate() {
+            let got = f64::from(*got);
+            let (low, high) = pixel_truth(&views[0], index as u32, &triangles);
+            if got < low * (1.0 - 1e-4) || got > high * (1.0 + 1e-4) {
+                wrong += 1;
+            }
+        }
+        assert_eq!(wrong, 0, "kind {kind}: of {} pixels", depth.len());
+        assert!(depth.iter().any(|d| *d > 0.0), "something was drawn");
+    }
+}
+
+/// Bounds of what pixel `index` of `view` may hold.
+fn pixel_truth(view: &View, index: u32, triangles: &[[Vec3; 3]]) -> (f64, f64) {
+    let size = view.size;
+    let axes = [view.x, view.y, view.z].map(|a| Vec3::from_array(a).as_dvec3());
+    let center = |i: u32| (f64::from(i) + 0.5) * 2.0 / f64::from(size) - 1.0;
+    if view.kind == super::shared::VIEW_ORTHOGRAPHIC {
+        // A ray from the light's side; the stored value is z . (hit - origin).
+        let [x, y, z] = axes;
+        let (s, t) = (center(index % size), center(index / size));
+        let base = x * (s / x.length_squared())
+            + y * (t / y.length_squared())
+            + Vec3::from_array(view.origin).as_dvec3();
+        let start = base + z / z.length_squared() * 2.0;
+        let d = -z / z.length_squared();
+        let value = |grow| {
+            let inverse = nearest(triangles, start.as_vec3(), d, grow);
+            if inverse > 0.0 {
+                2.0 - 1.0 / inverse
+            } else {
+                0.0
+            }
+        };
+        return (value(-2e-3), value(2e-3));
+    }
+    let (face, column, row) = if index < size * size {
+        (0, index % size, index / size)
+    } else {
+        let rest = index - size * size;
+        let half = size * size / 2;
+        (1 + rest / half, rest % half % size, rest % half / size)
+    };
+    let [x, y, z] = axes;
+    let (u, v, w) = [(x, y, z), (y, z, x), (y, z, -x), (x, z, y), (x, z, -y)][face as usize];
+    let t = if face == 0 {
+        center(row)
+    } else {
+        center(row) + 1.0
+    };
+    let d = u * center(column) + v * t + w;
+    let value = |grow| nearest(triangles, Vec3::from_array(view.origin), d, grow);
+    (value(-2e-3), value(2e-3))
+}
+
+#[test]
+fn what_is_subtracted_was_added() {
+    let gpu = gpu();
+    let mut numbers = Numbers(3);
+    let texels = random_texels(&mut numbers, 20, 3.0);
+    let scene = soup(
+        &(0..50)
+            .map(|_| {
+                let c = numbers.vector() * 2.0;
+                [0; 3].map(|_| c + numbers.vector() * 0.5)
+            })
+            .collect::<Vec<_>>(),
+    );
+    let lights: Vec<_> = (0..24)
+        .map(|i| (random_light(&mut numbers, i % 5), 1))
+        .collect();
+    let half: Vec<_> = lights.iter().step_by(2).cloned().collect();
+    let others: Vec<_> = lights
+        .iter()
+        .skip(1)
+        .step_by(2)
+        .map(|(light, _)| (light.clone(), -1))
+        .collect();
+    let mut all = lights;
+    all.extend(others);
+    assert_eq!(
+        accumulate(&gpu, &scene, &texels, &all),
+        accumulate(&gpu, &scene, &texels, &half)
+    );
+}
+
+#[test]
+fn records_lie_in_memory_as_the_shaders_read_them() {
+    use std::mem::offset_of;
+    let expected: &[(&str, &[usize])] = &[
+        (
+            "Receiver",
+            &[
+                offset_of!(records::Receiver, position),
+                offset_of!(records::Receiver, normal),
+            ],
+        ),
+        (
+            "Tile",
+            &[
+                offset_of!(records::Tile, center),
+                offset_of!(records::Tile, extent),
+                offset_of!(records::Tile, axis),
+                offset_of!(records::Tile, cone_cos),
+            ],
+        ),
+        (
+            "Placement",
+            &[
+                offset_of!(records::Placement, row),
+                offset_of!(records::Placement, normal_row),
+            ],
+        ),
+        (
+            "Triangle",
+            &[
+                offset_of!(records::Triangle, a),
+                offset_of!(records::Triangle, b),
+                offset_of!(records::Triangle, c),
+            ],
+        ),
+        (
+            "Chunk",
+            &[
+                offset_of!(records::Chunk, center),
+                offset_of!(records::Chunk, extent),
+                offset_of!(records::Chunk, first),
+                offset_of!(records::Chunk, count),
+            ],
+        ),
+        (
+            "View",
+            &[
+                offset_of!(View, origin),
+                offset_of!(View, x),
+                offset_of!(View, y),
+                offset_of!(View, z),
+                offset_of!(View, offset),
+                offset_of!(View, size),
+                offset_of!(View, kind),
+                offset_of!(View, cos_cone),
+            ],
+        ),
+        (
+            "Light",
+            &[
+                offset_of!(Light, position),
+                offset_of!(Light, normal),
+                offset_of!(Light, flux),
+                offset_of!(Light, area),
+                offset_of!(Light, radius),
+                offset_of!(Light, spot_scale),
+                offset_of!(Light, spot_offset),
+                offset_of!(Light, kind),
+                offset_of!(Light, sign),
+                offset_of!(Light, view),
+                offset_of!(Light, vertices),
+                offset_of!(Light, vertex),
+            ],
+        ),
+    ];
+    for (name, offsets) in expected {
+        let (_, members) = shaders::LAYOUTS
+            .iter()
+            .find(|(n, _)| n == name)
+            .unwrap_or_else(|| panic!("{name} is in no shader"));
+        let found: Vec<usize> = members.iter().map(|(_, offset)| *offset as usize).collect();
+        assert_eq!(&found, offsets, "{name}: {members:?}");
+    }
+}

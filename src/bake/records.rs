@@ -1,0 +1,209 @@
+//! What the shaders read: the `repr(C)` twins of the structures in glsl/common.glsl, and how virtual lights become them.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use super::shared::*;
+use crate::cluster::{Shape, VirtualLight};
+use crate::scene::Bounds;
+
+/// `Receiver`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Receiver {
+    pub position: [f32; 3],
+    pub normal: [f32; 3],
+}
+
+/// `Tile`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Tile {
+    pub center: [f32; 3],
+    pub extent: [f32; 3],
+    pub axis: [f32; 3],
+    pub cone_cos: f32,
+}
+
+/// `Placement`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Placement {
+    pub row: [[f32; 4]; 3],
+    pub normal_row: [[f32; 3]; 3],
+}
+
+/// `Triangle`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Triangle {
+    pub a: [f32; 3],
+    pub b: [f32; 3],
+    pub c: [f32; 3],
+}
+
+/// `Chunk`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Chunk {
+    pub center: [f32; 3],
+    pub extent: [f32; 3],
+    pub first: u32,
+    pub count: u32,
+}
+
+/// `View`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct View {
+    pub origin: [f32; 3],
+    pub x: [f32; 3],
+    pub y: [f32; 3],
+    pub z: [f32; 3],
+    pub offset: u32,
+    pub size: u32,
+    pub kind: u32,
+    pub cos_cone: f32,
+}
+
+/// `Light`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Light {
+    pub position: [f32; 3],
+    pub normal: [f32; 3],
+    pub flux: [f32; 3],
+    pub area: f32,
+    pub radius: f32,
+    pub spot_scale: f32,
+    pub spot_offset: f32,
+    pub kind: u32,
+    pub sign: i32,
+    pub view: u32,
+    pub vertices: u32,
+    pub vertex: [[f32; 3]; MAX_VERTICES as usize],
+}
+
+/// `ListHead`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct ListHead {
+    pub groups_x: u32,
+    pub groups_y: u32,
+    pub groups_z: u32,
+    pub entries: u32,
+}
+
+/// Resolutions of depth maps, pixels along an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ShadowSizes {
+    pub indirect: u32,
+    pub direct: u32,
+    pub sun: u32,
+}
+
+/// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer.
+pub(super) fn record(
+    light: &VirtualLight,
+    sign: i32,
+    sizes: &ShadowSizes,
+    bounds: &Bounds,
+    views: &mut Vec<View>,
+    offset: &mut u32,
+) -> Light {
+    let mut out = Light {
+        position: light.position.to_array(),
+        normal: light.normal.to_array(),
+        flux: light.flux.to_array(),
+        sign,
+        view: views.len() as u32,
+        ..Light::zeroed()
+    };
+    let size = if light.direct {
+        sizes.direct
+    } else {
+        sizes.indirect
+    };
+    let mut hemicube = |pole: Vec3, cos_cone: f32| {
+        let (x, y) = pole.any_orthonormal_pair();
+        views.push(View {
+            origin: light.position.to_array(),
+            x: x.to_array(),
+            y: y.to_array(),
+            z: pole.to_array(),
+            offset: *offset,
+            size,
+            kind: VIEW_HEMICUBE,
+            cos_cone,
+        });
+        *offset += 3 * size * size;
+    };
+    match &light.shape {
+        Shape::Polygon { vertices } => {
+            out.kind = LIGHT_POLYGON;
+            out.vertices = vertices.len() as u32;
+            for (to, from) in out.vertex.iter_mut().zip(vertices) {
+                *to = from.to_array();
+            }
+            out.area = polygon_area(vertices);
+            out.radius = vertices
+                .iter()
+                .map(|v| v.distance(light.position))
+                .fold(0.0, f32::max);
+            hemicube(light.normal, 0.0);
+        }
+        Shape::Disk { area } => {
+            out.kind = LIGHT_DISK;
+            out.area = *area;
+            hemicube(light.normal, 0.0);
+        }
+        Shape::Point => {
+            out.kind = LIGHT_POINT;
+            out.spot_offset = 1.0;
+            hemicube(Vec3::Z, 0.0);
+            hemicube(Vec3::NEG_Z, 0.0);
+        }
+        Shape::Spot { inner, outer } => {
+            out.kind = LIGHT_SPOT;
+            out.spot_scale = 1.0 / (inner.cos() - outer.cos()).max(1e-3);
+            out.spot_offset = -outer.cos() * out.spot_scale;
+            hemicube(light.normal, outer.cos());
+        }
+        Shape::Directional { .. } => {
+            out.kind = LIGHT_DIRECTIONAL;
+            views.push(parallel_view(light.normal, sizes.sun, bounds, *offset));
+            *offset += sizes.sun * sizes.sun;
+        }
+    }
+    out
+}
+
+/// A square map over the whole scene, looking along `direction`; the stored value grows towards the light.
+fn parallel_view(direction: Vec3, size: u32, bounds: &Bounds, offset: u32) -> View {
+    let z = -direction;
+    let (x, y) = z.any_orthonormal_pair();
+    let half = bounds.size() * 0.5005 + Vec3::splat(1e-4);
+    let reach = |axis: Vec3| axis.abs().dot(half);
+    let origin = bounds.center() - z * reach(z);
+    View {
+        origin: origin.to_array(),
+        x: (x / reach(x)).to_array(),
+        y: (y / reach(y)).to_array(),
+        z: (z / (2.0 * reach(z))).to_array(),
+        offset,
+        size,
+        kind: VIEW_ORTHOGRAPHIC,
+        cos_cone: -1.0,
+    }
+}
+
+fn polygon_area(vertices: &[Vec3]) -> f32 {
+    let Some((first, rest)) = vertices.split_first() else {
+        return 0.0;
+    };
+    let sum: Vec3 = rest
+        .windows(2)
+        .map(|w| (w[0] - *first).cross(w[1] - *first))
+        .sum();
+    0.5 * sum.length()
+}

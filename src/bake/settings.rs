@@ -1,0 +1,106 @@
+//! What a bake is asked for, and what that resolves to for a scene: recorded in bake.json, and enough to repeat it.
+
+use serde::{Deserialize, Serialize};
+
+/// A trade of time for error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Quality {
+    /// A look in passing.
+    Draft,
+    /// The default: right to a few per cent.
+    Preview,
+    /// For shipping.
+    Production,
+}
+
+/// How many cells stand for the light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Clusters {
+    /// This many (Algorithm 1's budget N).
+    Count(u32),
+    /// Refined until the metric's estimate of the relative error falls to this.
+    Error(f32),
+}
+
+/// Everything that decides the map's bytes beside the scene and the device. Resolved: nothing is left to defaults.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// The preset it started from.
+    pub quality: Quality,
+    /// Scrambles all sequences.
+    pub seed: u32,
+    /// Lumens per path: a light sends its flux divided by this many paths.
+    pub flux_per_path: f64,
+    /// Most bounces of a path.
+    pub bounces: u32,
+    /// Cells of the octree and the apertures together.
+    pub clusters: Clusters,
+    /// Pixels along the edge of an indirect light's hemicube.
+    pub shadow_size: u32,
+    /// The same for direct lights.
+    pub direct_shadow_size: u32,
+    /// Pixels along the edge of a directional light's map.
+    pub sun_shadow_size: u32,
+    /// Factor of a disk's area in its form factor's denominator.
+    pub disk_area: f32,
+    /// Fixed-point units per lux, as a power of two.
+    pub fixed_point_bits: i32,
+    /// Direct light is left out.
+    pub indirect_only: bool,
+}
+
+/// What the presets decide.
+#[derive(Clone, Copy, Debug)]
+pub struct Preset {
+    /// Paths of all lights together.
+    pub paths: u64,
+    /// Estimated relative error that the cut is refined to.
+    pub error: f32,
+    /// Indirect hemicubes.
+    pub shadow_size: u32,
+    /// Direct hemicubes.
+    pub direct_shadow_size: u32,
+    /// Directional maps.
+    pub sun_shadow_size: u32,
+}
+
+impl Quality {
+    /// The preset's numbers.
+    pub fn preset(self) -> Preset {
+        match self {
+            Quality::Draft => Preset {
+                paths: 1 << 14,
+                error: 0.004,
+                shadow_size: 64,
+                direct_shadow_size: 256,
+                sun_shadow_size: 2048,
+            },
+            Quality::Preview => Preset {
+                paths: 1 << 17,
+                error: 0.0015,
+                shadow_size: 128,
+                direct_shadow_size: 512,
+                sun_shadow_size: 4096,
+            },
+            Quality::Production => Preset {
+                paths: 1 << 19,
+                error: 0.0003,
+                shadow_size: 256,
+                direct_shadow_size: 1024,
+                sun_shadow_size: 8192,
+            },
+        }
+    }
+}
+
+/// Most bounces unless `--bounces` cuts: Russian roulette leaves less than 0.2 % of the energy long before.
+pub const MAX_BOUNCES: u32 = 16;
+
+/// The power of two that puts the scene's mean irradiance (lux) near 2^28 fixed-point units: fine enough that rounding
+/// is invisible, with room for 2^34 times the mean.
+pub fn fixed_point_bits(total_flux: f64, area: f64) -> i32 {
+    let mean = (total_flux / area.max(1e-12)).max(1e-30);
+    (28 - mean.log2().ceil() as i32).clamp(-96, 96)
+}

@@ -1,0 +1,170 @@
+//! Depth maps of a batch of lights: cull chunks per face, draw small triangles, then large ones.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::list::Heads;
+use super::occluders::Occluders;
+use super::records::View;
+use super::shaders;
+use super::shared::{BATCH, VIEW_HEMICUBE};
+use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
+
+/// Entries of the list of large triangles; what does not fit is drawn, more slowly, by the pass for small ones.
+const LARGE_CAPACITY: u32 = 1 << 20;
+/// Pixels of a triangle's bounding rectangle up to which it counts as small.
+const SMALL_PIXELS: u32 = 24;
+/// Most views of a batch: points have two.
+const MAX_VIEWS: u64 = 2 * BATCH as u64;
+
+/// The shadow passes and their buffers.
+pub(super) struct ShadowPass {
+    cull: Pipeline,
+    small: Pipeline,
+    large: Pipeline,
+    heads: Heads,
+    list: Buffer,
+    large_list: Buffer,
+    views: Buffer,
+    depth: Buffer,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct CullPush {
+    chunks: Address,
+    views: Address,
+    list: Address,
+    head: Address,
+    chunk_count: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct SmallPush {
+    triangles: Address,
+    chunks: Address,
+    views: Address,
+    list: Address,
+    large: Address,
+    large_head: Address,
+    depth: Address,
+    large_capacity: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct LargePush {
+    triangles: Address,
+    views: Address,
+    large: Address,
+    large_head: Address,
+    depth: Address,
+    large_capacity: u32,
+}
+
+const CHUNKS: u32 = 0;
+const LARGE: u32 = 1;
+
+impl ShadowPass {
+    /// `depth_elements`: pixels that the depth maps of one batch may take together.
+    pub(super) fn new(gpu: &Gpu, occluders: &Occluders, depth_elements: u64) -> Result<Self> {
+        let chunks = u64::from(occluders.chunk_count);
+        Ok(Self {
+            cull: gpu.pipeline(shaders::SHADOW_CULL, &[])?,
+            small: gpu.pipeline(shaders::SHADOW_SMALL, &[SMALL_PIXELS])?,
+            large: gpu.pipeline(shaders::SHADOW_LARGE, &[])?,
+            heads: Heads::new(gpu, "shadow lists", 2)?,
+            list: gpu.buffer("shadow chunks", chunks * 5 * MAX_VIEWS * 8, Memory::Device)?,
+            large_list: gpu.buffer(
+                "shadow large triangles",
+                u64::from(LARGE_CAPACITY) * 8,
+                Memory::Device,
+            )?,
+            views: gpu.buffer(
+                "shadow views",
+                MAX_VIEWS * size_of::<View>() as u64,
+                Memory::Device,
+            )?,
+            depth: gpu.buffer("shadow depth", depth_elements * 4, Memory::Device)?,
+        })
+    }
+
+    pub(super) fn views(&self) -> Address {
+        self.views.address()
+    }
+
+    /// Pixels that one batch's depth maps may take together.
+    pub(super) fn elements(&self) -> u64 {
+        self.depth.size() / 4
+    }
+
+    /// The first `elements` of the depth maps drawn last.
+    #[cfg(test)]
+    pub(super) fn read_depth(&self, elements: usize) -> Result<Vec<f32>> {
+        self.depth.read(0..elements)
+    }
+
+    pub(super) fn depth(&self) -> Address {
+        self.depth.address()
+    }
+
+    /// Draws `views`; the maps can be read by compute shaders after the next barrier.
+    pub(super) fn record(
+        &self,
+        cmd: &mut Commands,
+        occluders: &Occluders,
+        views: &[View],
+    ) -> Result<()> {
+        let elements: u64 = views
+            .iter()
+            .map(|v| {
+                u64::from(v.size) * u64::from(v.size) * if v.kind == VIEW_HEMICUBE { 3 } else { 1 }
+            })
+            .sum();
+        cmd.upload(&self.views, 0, views)?;
+        cmd.fill(&self.depth, 0, elements * 4, 0);
+        self.heads.clear(cmd);
+        cmd.barrier(Stage::Transfer, Stage::Compute);
+        cmd.scope("shadow cull", |cmd| {
+            let push = CullPush {
+                chunks: occluders.chunks.address(),
+                views: self.views.address(),
+                list: self.list.address(),
+                head: self.heads.address(CHUNKS),
+                chunk_count: occluders.chunk_count,
+            };
+            cmd.dispatch(
+                &self.cull,
+                &push,
+                [occluders.chunk_count, views.len() as u32, 1],
+            );
+            self.heads.finish(cmd);
+        });
+        cmd.scope("shadow small", |cmd| {
+            let push = SmallPush {
+                triangles: occluders.triangles.address(),
+                chunks: occluders.chunks.address(),
+                views: self.views.address(),
+                list: self.list.address(),
+                large: self.large_list.address(),
+                large_head: self.heads.address(LARGE),
+                depth: self.depth.address(),
+                large_capacity: LARGE_CAPACITY,
+            };
+            self.heads.dispatch(cmd, &self.small, &push, CHUNKS);
+            self.heads.finish(cmd);
+        });
+        cmd.scope("shadow large", |cmd| {
+            let push = LargePush {
+                triangles: occluders.triangles.address(),
+                views: self.views.address(),
+                large: self.large_list.address(),
+                large_head: self.heads.address(LARGE),
+                depth: self.depth.address(),
+                large_capacity: LARGE_CAPACITY,
+            };
+            self.heads.dispatch(cmd, &self.large, &push, LARGE);
+        });
+        Ok(())
+    }
+}
