@@ -1,0 +1,255 @@
+//! Which cells stand for the light (IBGI sections 4.3 and 5, Algorithm 1): refine the largest, merge the smallest.
+//!
+//! Keys fall down the tree, and ties fall to the cell of the higher level, then of the smaller name. So the nodes have one
+//! order in which a parent always comes before its parts, and the fixed point of Algorithm 1 is the shortest prefix of that order
+//! that meets the budget when refined: [`select`] goes there at once, [`Balancer`] from any state, one operation at a time.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
+
+/// Trees of cells with keys.
+pub trait Forest {
+    /// Names a cell.
+    type Id: Copy + Ord + std::fmt::Debug;
+    /// The cells without parents.
+    fn roots(&self) -> Vec<Self::Id>;
+    /// The parts of a cell; none if it is a leaf or does not exist.
+    fn children(&self, id: &Self::Id) -> Vec<Self::Id>;
+    /// The cell that this one is a part of.
+    fn parent(&self, id: &Self::Id) -> Option<Self::Id>;
+    /// The balancing metric of a cell; at most that of its parent.
+    fn key(&self, id: &Self::Id) -> u64;
+    /// Number of cells above.
+    fn depth(&self, id: &Self::Id) -> u32;
+    /// What cells' keys are relative to in [`Budget::Auto`].
+    fn scale(&self) -> f64;
+}
+
+/// How far to refine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Budget {
+    /// At least this many cells, where there are as many: Algorithm 1's N. The last refinement may go up to 7 beyond.
+    Cells(usize),
+    /// Until the estimated error is at most this: the root of the sum of the cells' squared keys, relative to the light
+    /// that there is.
+    Auto {
+        /// Relative, above 0.
+        error: f64,
+    },
+}
+
+/// The selected cells: no cell is part of another, and together they hold all light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cut<Id> {
+    /// In order.
+    pub cells: Vec<Id>,
+    /// The estimate that [`Budget::Auto`] is about.
+    pub error: f64,
+}
+
+type Priority<Id> = (u64, Reverse<u32>, Reverse<Id>);
+
+fn priority<F: Forest>(forest: &F, id: F::Id) -> Priority<F::Id> {
+    (forest.key(&id), Reverse(forest.depth(&id)), Reverse(id))
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Totals {
+    cells: usize,
+    squares: u128,
+}
+
+impl Totals {
+    fn add<F: Forest>(&mut self, forest: &F, id: &F::Id) {
+        self.cells += 1;
+        self.squares += u128::from(forest.key(id)).pow(2);
+    }
+
+    fn remove<F: Forest>(&mut self, forest: &F, id: &F::Id) {
+        self.cells -= 1;
+        self.squares -= u128::from(forest.key(id)).pow(2);
+    }
+
+    fn error<F: Forest>(&self, forest: &F) -> f64 {
+        (self.squares as f64).sqrt() / forest.scale().max(f64::MIN_POSITIVE)
+    }
+
+    fn meet<F: Forest>(&self, forest: &F, budget: &Budget) -> bool {
+        match *budget {
+            Budget::Cells(n) => self.cells >= n,
+            Budget::Auto { error } => self.error(forest) <= error,
+        }
+    }
+}
+
+/// The fixed point of Algorithm 1, from the roots.
+pub fn select<F: Forest>(forest: &F, budget: Budget) -> Cut<F::Id> {
+    let mut totals = Totals::default();
+    let mut heap = BinaryHeap::new();
+    let mut leaves = Vec::new();
+    let mut put = |id: F::Id, totals: &mut Totals, heap: &mut BinaryHeap<_>| {
+        totals.add(forest, &id);
+        let children = forest.children(&id);
+        if children.is_empty() {
+            leaves.push(id)
+        } else {
+            heap.push((priority(forest, id), children))
+        }
+    };
+    for id in forest.roots() {
+        put(id, &mut totals, &mut heap);
+    }
+    while !totals.meet(forest, &budget) {
+        let Some(((_, _, Reverse(id)), children)) = heap.pop() else {
+            break;
+        };
+        totals.remove(forest, &id);
+        for child in children {
+            put(child, &mut totals, &mut heap);
+        }
+    }
+    let mut cells = leaves;
+    cells.extend(heap.into_iter().map(|((_, _, Reverse(id)), _)| id));
+    cells.sort_unstable();
+    Cut {
+        cells,
+        error: totals.error(forest),
+    }
+}
+
+/// An operation on the selected cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step<Id> {
+    /// The cell is replaced by its parts.
+    Refine(Id),
+    /// The cell replaces its parts.
+    Merge(Id),
+}
+
+/// Keeps a cut and brings it to the fixed point step by step, also after the forest has changed.
+#[derive(Clone, Debug)]
+pub struct Balancer<Id: Ord> {
+    /// Cells that are replaced by their parts, and so are all cells above them. The cut follows from it.
+    refined: BTreeSet<Id>,
+    selected: BTreeSet<Id>,
+    refinable: BTreeSet<Priority<Id>>,
+    mergeable: BTreeSet<Priority<Id>>,
+    totals: Totals,
+}
+
+impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
+    /// Starts with the roots selected.
+    pub fn new<F: Forest<Id = Id>>(forest: &F) -> Self {
+        let mut balancer = Self {
+            refined: BTreeSet::new(),
+            selected: BTreeSet::new(),
+            refinable: BTreeSet::new(),
+            mergeable: BTreeSet::new(),
+            totals: Totals::default(),
+        };
+        balancer.update(forest);
+        balancer
+    }
+
+    /// Takes in a changed forest: what was refined stays so where it still has parts; new cells are selected where
+    /// they appear below refined ones, and cells that are gone are dropped.
+    pub fn update<F: Forest<Id = Id>>(&mut self, forest: &F) {
+        let before = std::mem::take(&mut self.refined);
+        self.selected.clear();
+        self.refinable.clear();
+        self.mergeable.clear();
+        self.totals = Totals::default();
+        let mut open = forest.roots();
+        while let Some(id) = open.pop() {
+            let children = forest.children(&id);
+            if !children.is_empty() && before.contains(&id) {
+                self.refined.insert(id);
+                open.extend(children);
+            } else {
+                self.put(forest, id, !children.is_empty());
+            }
+        }
+        let mergeable = self.refined.iter().filter(|id| self.can_merge(forest, id));
+        self.mergeable = mergeable.map(|&id| priority(forest, id)).collect();
+    }
+
+    /// The selected cells, in order.
+    pub fn cells(&self) -> impl Iterator<Item = &Id> {
+        self.selected.iter()
+    }
+
+    /// The estimate that [`Budget::Auto`] is about.
+    pub fn error<F: Forest<Id = Id>>(&self, forest: &F) -> f64 {
+        self.totals.error(forest)
+    }
+
+    /// Does the next operation of Algorithm 1; none once balanced. The forest must be the one of the last update.
+    pub fn step<F: Forest<Id = Id>>(&mut self, forest: &F, budget: Budget) -> Option<Step<Id>> {
+        let largest = self.refinable.last().copied();
+        if !self.totals.meet(forest, &budget) {
+            let (_, _, Reverse(id)) = largest?;
+            self.refine(forest, id);
+            return Some(Step::Refine(id));
+        }
+        let smallest = *self.mergeable.first()?;
+        let (_, _, Reverse(id)) = smallest;
+        let mut merged = self.totals;
+        merged.add(forest, &id);
+        forest
+            .children(&id)
+            .iter()
+            .for_each(|c| merged.remove(forest, c));
+        // Merge what was never needed, and what is worth less than the cell that could be refined instead.
+        if merged.meet(forest, &budget) || largest.is_some_and(|l| smallest < l) {
+            self.merge(forest, id);
+            return Some(Step::Merge(id));
+        }
+        None
+    }
+
+    fn put<F: Forest<Id = Id>>(&mut self, forest: &F, id: Id, refinable: bool) {
+        self.totals.add(forest, &id);
+        self.selected.insert(id);
+        if refinable {
+            self.refinable.insert(priority(forest, id));
+        }
+    }
+
+    fn take<F: Forest<Id = Id>>(&mut self, forest: &F, id: &Id) {
+        self.totals.remove(forest, id);
+        self.selected.remove(id);
+        self.refinable.remove(&priority(forest, *id));
+    }
+
+    fn can_merge<F: Forest<Id = Id>>(&self, forest: &F, id: &Id) -> bool {
+        forest
+            .children(id)
+            .iter()
+            .all(|c| self.selected.contains(c))
+    }
+
+    fn refine<F: Forest<Id = Id>>(&mut self, forest: &F, id: Id) {
+        self.take(forest, &id);
+        self.refined.insert(id);
+        for child in forest.children(&id) {
+            let refinable = !forest.children(&child).is_empty();
+            self.put(forest, child, refinable);
+        }
+        self.mergeable.insert(priority(forest, id));
+        if let Some(parent) = forest.parent(&id) {
+            self.mergeable.remove(&priority(forest, parent));
+        }
+    }
+
+    fn merge<F: Forest<Id = Id>>(&mut self, forest: &F, id: Id) {
+        for child in forest.children(&id) {
+            self.take(forest, &child);
+        }
+        self.refined.remove(&id);
+        self.put(forest, id, true);
+        self.mergeable.remove(&priority(forest, id));
+        if let Some(parent) = forest.parent(&id).filter(|p| self.can_merge(forest, p)) {
+            self.mergeable.insert(priority(forest, parent));
+        }
+    }
+}

@@ -1,0 +1,405 @@
+//! The octree over all VPLs (IBGI section 4.1): a fixed grid, integer sums, one VPL added or removed at a time.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+use crate::transport::{Vpl, emission::mean};
+
+/// Root cells are 2^10 m wide.
+const ROOT_BITS: u32 = 10;
+/// Positions are kept in 2^-20 m.
+const FRACTION_BITS: u32 = 20;
+/// Cells of the deepest level are 2^-14 m (61 µm) wide.
+pub const MAX_LEVEL: u8 = 24;
+/// A node with more VPLs than this has children, down to [`MAX_LEVEL`].
+pub const LEAF_CAPACITY: usize = 16;
+
+/// A cell of the world's grid: level 0 cells are 1024 m wide, and each level halves them. No cell depends on a scene's
+/// bounds. The grid lies a third of a root cell off the origin, so that walls at round coordinates never lie on a cell's face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Cell {
+    /// 0 (root) to [`MAX_LEVEL`].
+    pub level: u8,
+    /// Index along each axis, in cells of this level.
+    pub index: [i64; 3],
+}
+
+impl Cell {
+    /// The cell of a level that holds a point.
+    pub fn at(position: Vec3, level: u8) -> Self {
+        let shift = ROOT_BITS + FRACTION_BITS - u32::from(level);
+        Self {
+            level,
+            index: grid(position).map(|g| g >> shift),
+        }
+    }
+
+    /// Edge length, metres.
+    pub fn size(&self) -> f32 {
+        (f64::from(ROOT_BITS) - f64::from(self.level)).exp2() as f32
+    }
+
+    /// Lower and upper corner, metres.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        let size = (f64::from(ROOT_BITS) - f64::from(self.level)).exp2();
+        let lo =
+            DVec3::from_array(self.index.map(|i| i as f64)) * size - DVec3::splat(grid_offset());
+        [lo.as_vec3(), (lo + size).as_vec3()]
+    }
+
+    /// Centre, metres.
+    pub fn center(&self) -> Vec3 {
+        let [lo, hi] = self.bounds();
+        (lo + hi) * 0.5
+    }
+
+    /// The cell that this one is an eighth of.
+    pub fn parent(&self) -> Option<Self> {
+        (self.level > 0).then(|| Self {
+            level: self.level - 1,
+            index: self.index.map(|i| i >> 1),
+        })
+    }
+
+    /// One of the eight parts: bit `a` of `octant` chooses the upper half along axis `a`.
+    pub fn child(&self, octant: usize) -> Self {
+        Self {
+            level: self.level + 1,
+            index: std::array::from_fn(|a| self.index[a] * 2 + (octant >> a & 1) as i64),
+        }
+    }
+}
+
+fn grid_offset() -> f64 {
+    f64::from(ROOT_BITS).exp2() / 3.0
+}
+
+fn grid(position: Vec3) -> [i64; 3] {
+    position
+        .to_array()
+        .map(|x| ((f64::from(x) + grid_offset()) * f64::from(FRACTION_BITS).exp2()).floor() as i64)
+}
+
+/// Which of a cell's children at `level` holds the point.
+fn octant(grid: [i64; 3], level: u8) -> usize {
+    let shift = ROOT_BITS + FRACTION_BITS - u32::from(level);
+    (0..3).map(|a| ((grid[a] >> shift & 1) as usize) << a).sum()
+}
+
+/// Fixed point for radiant flux: 2^24 units are one path's energy, so that sums of 2^37 VPLs fit 64 bits and keep
+/// no trace of what was added and removed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FluxScale {
+    units_per_lumen: f64,
+}
+
+impl FluxScale {
+    /// For paths of this many lumens.
+    pub fn new(flux_per_path: f64) -> Self {
+        Self {
+            units_per_lumen: 24f64.exp2() / flux_per_path,
+        }
+    }
+
+    /// Lumens to units, rounded.
+    pub fn units(&self, flux: Vec3) -> [i64; 3] {
+        flux.to_array()
+            .map(|f| (f64::from(f) * self.units_per_lumen).round() as i64)
+    }
+
+    /// Units to lumens.
+    pub fn lumens(&self, units: [i64; 3]) -> Vec3 {
+        DVec3::from_array(units.map(|u| u as f64 / self.units_per_lumen)).as_vec3()
+    }
+
+    /// A term of the balancing metric, in units (see [`Sums::key`]).
+    pub fn key(&self, flux: f32, scatter_albedo: f32, relative_distance: f64) -> u64 {
+        let near = 1.0 / (1.0 + relative_distance);
+        (f64::from(flux) * f64::from(scatter_albedo) * self.units_per_lumen * (near * near)).floor()
+            as u64
+    }
+}
+
+/// What a node knows of its VPLs: integers, so that removing what was added restores it exactly.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sums {
+    /// Number of VPLs, which is the number of scattered paths too (N_s).
+    pub count: u32,
+    /// Scattered paths that met a surface (N_h).
+    pub hits: u32,
+    /// Units of [`FluxScale`], RGB.
+    pub flux: [i64; 3],
+    /// The balancing metric B (IBGI equations 3 to 6) made additive: the sum over the VPLs of flux times albedo met
+    /// times r² / (d + r)², with d the distance to what the scattered path met and r half of the cell's size. A term shrinks
+    /// with r and a child has a part of the terms, each rounded down, so no child's key exceeds its parent's.
+    pub key: u64,
+}
+
+impl Sums {
+    fn add(&mut self, term: &Sums) {
+        self.count += term.count;
+        self.hits += term.hits;
+        self.key += term.key;
+        (0..3).for_each(|c| self.flux[c] += term.flux[c]);
+    }
+
+    fn remove(&mut self, term: &Sums) {
+        self.count -= term.count;
+        self.hits -= term.hits;
+        self.key -= term.key;
+        (0..3).for_each(|c| self.flux[c] -= term.flux[c]);
+    }
+}
+
+/// A VPL's part of a node's sums. Only the key depends on the level; the cell radius being a power of two keeps it
+/// monotone under rounding.
+fn terms(vpl: &Vpl, scale: &FluxScale, level: u8) -> Sums {
+    let radius = (f64::from(ROOT_BITS) - f64::from(level) - 1.0).exp2();
+    let hit = vpl.scatter.distance.is_finite();
+    Sums {
+        count: 1,
+        hits: u32::from(hit),
+        flux: scale.units(vpl.flux),
+        key: if hit {
+            scale.key(
+                mean(vpl.flux),
+                vpl.scatter.albedo,
+                f64::from(vpl.scatter.distance) / radius,
+            )
+        } else {
+            0
+        },
+    }
+}
+
+/// A node: a leaf with its VPLs in key order, or up to eight parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    sums: Sums,
+    content: Content,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Content {
+    Leaf(Vec<Vpl>),
+    Inner(Box<[Option<Node>; 8]>),
+}
+
+impl Node {
+    /// Its sums.
+    pub fn sums(&self) -> &Sums {
+        &self.sums
+    }
+
+    /// Its parts with their octants; none for a leaf.
+    pub fn children(&self) -> impl Iterator<Item = (usize, &Node)> {
+        let parts = match &self.content {
+            Content::Leaf(_) => None,
+            Content::Inner(parts) => Some(parts),
+        };
+        parts
+            .into_iter()
+            .flat_map(|p| p.iter().enumerate())
+            .filter_map(|(i, c)| Some((i, c.as_ref()?)))
+    }
+
+    /// Has no parts.
+    pub fn is_leaf(&self) -> bool {
+        matches!(self.content, Content::Leaf(_))
+    }
+
+    /// All VPLs below, in key order.
+    pub fn vpls(&self) -> Vec<Vpl> {
+        let mut all = Vec::with_capacity(self.sums.count as usize);
+        self.collect(&mut all);
+        all.sort_unstable_by_key(|v| v.key);
+        all
+    }
+
+    fn collect(&self, all: &mut Vec<Vpl>) {
+        match &self.content {
+            Content::Leaf(vpls) => all.extend_from_slice(vpls),
+            Content::Inner(parts) => parts.iter().flatten().for_each(|c| c.collect(all)),
+        }
+    }
+
+    fn empty() -> Self {
+        Self {
+            sums: Sums::default(),
+            content: Content::Leaf(Vec::new()),
+        }
+    }
+
+    /// Over VPLs in key order.
+    fn build(vpls: Vec<Vpl>, scale: &FluxScale, level: u8) -> Self {
+        let mut sums = Sums::default();
+        vpls.iter().for_each(|v| sums.add(&terms(v, scale, level)));
+        if vpls.len() <= LEAF_CAPACITY || level == MAX_LEVEL {
+            return Self {
+                sums,
+                content: Content::Leaf(vpls),
+            };
+        }
+        let parallel = vpls.len() > 4096;
+        let mut parts: [Vec<Vpl>; 8] = Default::default();
+        for vpl in vpls {
+            parts[octant(grid(vpl.position), level + 1)].push(vpl);
+        }
+        let make = |part: Vec<Vpl>| (!part.is_empty()).then(|| Self::build(part, scale, level + 1));
+        let nodes: Vec<Option<Node>> = if parallel {
+            parts.into_par_iter().map(make).collect()
+        } else {
+            parts.into_iter().map(make).collect()
+        };
+        let mut nodes = nodes.into_iter();
+        let content = Content::Inner(Box::new(std::array::from_fn(|_| nodes.next().flatten())));
+        Self { sums, content }
+    }
+
+    fn add(&mut self, vpl: &Vpl, scale: &FluxScale, level: u8) {
+        self.sums.add(&terms(vpl, scale, level));
+        match &mut self.content {
+            Content::Inner(parts) => {
+                let part = &mut parts[octant(grid(vpl.position), level + 1)];
+                part.get_or_insert_with(Node::empty)
+                    .add(vpl, scale, level + 1);
+            }
+            Content::Leaf(vpls) => {
+                let place = vpls.partition_point(|v| v.key < vpl.key);
+                debug_assert!(
+                    vpls.get(place).is_none_or(|v| v.key != vpl.key),
+                    "{:?} twice",
+                    vpl.key
+                );
+                vpls.insert(place, *vpl);
+                if vpls.len() > LEAF_CAPACITY && level < MAX_LEVEL {
+                    *self = Self::build(std::mem::take(vpls), scale, level);
+                }
+            }
+        }
+    }
+
+    /// False, and nothing changed, if the VPL is not here.
+    fn remove(&mut self, vpl: &Vpl, scale: &FluxScale, level: u8) -> bool {
+        match &mut self.content {
+            Content::Leaf(vpls) => {
+                let Ok(place) = vpls.binary_search_by_key(&vpl.key, |v| v.key) else {
+                    return false;
+                };
+                if vpls[place] != *vpl {
+                    return false;
+                }
+                vpls.remove(place);
+            }
+            Content::Inner(parts) => {
+                let part = &mut parts[octant(grid(vpl.position), level + 1)];
+                let Some(node) = part else { return false };
+                if !node.remove(vpl, scale, level + 1) {
+                    return false;
+                }
+                if node.sums.count == 0 {
+                    *part = None;
+                }
+            }
+        }
+        self.sums.remove(&terms(vpl, scale, level));
+        if !self.is_leaf() && self.sums.count as usize <= LEAF_CAPACITY {
+            self.content = Content::Leaf(self.vpls());
+        }
+        true
+    }
+}
+
+/// The tree over all VPLs of all lights and bounces: a pure function of their set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Octree {
+    scale: FluxScale,
+    roots: BTreeMap<[i64; 3], Node>,
+}
+
+impl Octree {
+    /// An empty tree.
+    pub fn new(scale: FluxScale) -> Self {
+        Self {
+            scale,
+            roots: BTreeMap::new(),
+        }
+    }
+
+    /// Equal to adding the VPLs one by one, but faster.
+    pub fn build<'a>(scale: FluxScale, vpls: impl IntoIterator<Item = &'a Vpl>) -> Self {
+        let mut parts: BTreeMap<[i64; 3], Vec<Vpl>> = BTreeMap::new();
+        for vpl in vpls {
+            parts
+                .entry(Cell::at(vpl.position, 0).index)
+                .or_default()
+                .push(*vpl);
+        }
+        let roots = parts
+            .into_iter()
+            .map(|(index, mut vpls)| {
+                if !vpls.is_sorted_by_key(|v| v.key) {
+                    vpls.par_sort_unstable_by_key(|v| v.key);
+                }
+                (index, Node::build(vpls, &scale, 0))
+            })
+            .collect();
+        Self { scale, roots }
+    }
+
+    /// The fixed point that all sums are in.
+    pub fn scale(&self) -> &FluxScale {
+        &self.scale
+    }
+
+    /// Adds one VPL. Its key must not be in the tree.
+    pub fn add(&mut self, vpl: &Vpl) {
+        let root = self.roots.entry(Cell::at(vpl.position, 0).index);
+        root.or_insert_with(Node::empty).add(vpl, &self.scale, 0);
+    }
+
+    /// Removes one VPL, as it was added; false if it is not in the tree.
+    pub fn remove(&mut self, vpl: &Vpl) -> bool {
+        let index = Cell::at(vpl.position, 0).index;
+        let Some(root) = self.roots.get_mut(&index) else {
+            return false;
+        };
+        let removed = root.remove(vpl, &self.scale, 0);
+        if root.sums.count == 0 {
+            self.roots.remove(&index);
+        }
+        removed
+    }
+
+    /// The root cells that hold VPLs.
+    pub fn roots(&self) -> impl Iterator<Item = (Cell, &Node)> {
+        self.roots
+            .iter()
+            .map(|(&index, node)| (Cell { level: 0, index }, node))
+    }
+
+    /// The node of a cell, if it exists.
+    pub fn node(&self, cell: &Cell) -> Option<&Node> {
+        let root_shift = u32::from(cell.level);
+        let mut node = self.roots.get(&cell.index.map(|i| i >> root_shift))?;
+        for level in 1..=cell.level {
+            let shift = u32::from(cell.level - level);
+            let octant: usize = (0..3)
+                .map(|a| ((cell.index[a] >> shift & 1) as usize) << a)
+                .sum();
+            match &node.content {
+                Content::Leaf(_) => return None,
+                Content::Inner(parts) => node = parts[octant].as_ref()?,
+            }
+        }
+        Some(node)
+    }
+
+    /// The sums over all VPLs.
+    pub fn total(&self) -> Sums {
+        let mut total = Sums::default();
+        self.roots.values().for_each(|r| total.add(&r.sums));
+        total
+    }
+}
