@@ -24,15 +24,23 @@ pub fn join(groups: Vec<(Cell, Groups)>, settings: &SimilaritySettings) -> BTree
                 let vpl = &group.vpls[i as usize];
                 neighbours(&groups, cell, deepest, vpl.position).find_map(|(other, distance)| {
                     let near = distance <= REACH * other.size();
-                    let fits = |g: &Groups| g.planes.iter().position(|p| p.fits(vpl, other.size(), settings));
-                    near.then(|| fits(&groups[&other])).flatten().map(|plane| (*cell, i, other, plane))
+                    let fits = |g: &Groups| {
+                        g.planes
+                            .iter()
+                            .position(|p| p.fits(vpl, other.size(), settings))
+                    };
+                    near.then(|| fits(&groups[&other]))
+                        .flatten()
+                        .map(|plane| (*cell, i, other, plane))
                 })
             };
             group.rest.iter().filter_map(target).collect::<Vec<_>>()
         })
         .collect();
     for (from, i, to, plane) in moves {
-        let Some(source) = groups.get_mut(&from) else { continue };
+        let Some(source) = groups.get_mut(&from) else {
+            continue;
+        };
         source.rest.retain(|&r| r != i);
         let vpl = source.vpls[i as usize];
         if let Some(target) = groups.get_mut(&to) {
@@ -54,15 +62,24 @@ fn neighbours<'a>(
     let cell = *cell;
     (0..6).filter_map(move |face| {
         let (axis, upper) = (face / 2, face % 2 == 1);
-        let distance = if upper { hi[axis] - position[axis] } else { position[axis] - lo[axis] };
+        let distance = if upper {
+            hi[axis] - position[axis]
+        } else {
+            position[axis] - lo[axis]
+        };
         // A neighbour's face is shared: one more than eight times larger is not worth looking for.
         if distance > REACH * size * 8.0 {
             return None;
         }
         let mut across = position;
-        across[axis] = if upper { hi[axis] + size * 1e-3 } else { lo[axis] - size * 1e-3 };
+        across[axis] = if upper {
+            hi[axis] + size * 1e-3
+        } else {
+            lo[axis] - size * 1e-3
+        };
         // The selected cell that holds the point, of whatever level.
-        let found = std::iter::successors(Some(Cell::at(across, deepest)), Cell::parent).find(|c| groups.contains_key(c))?;
+        let found = std::iter::successors(Some(Cell::at(across, deepest)), Cell::parent)
+            .find(|c| groups.contains_key(c))?;
         (found != cell).then_some((found, distance.max(0.0)))
     })
 }

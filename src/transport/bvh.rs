@@ -10,7 +10,6 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::{Boundable, BvhBuildParams};
 use rayon::prelude::*;
 
-use super::surface::Surface;
 use crate::scene::{AlphaMode, Scene};
 
 /// A closest hit.

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 
 use super::bvh::{offset, weights};
 use super::sampling::{Distribution, Sequence, around_z, cosine_hemisphere, sphere, triangle};
-use super::surface::Surface;
 use crate::scene::{Aperture, Scene};
 
 /// Dimension sets of [`Sequence::sample`] that an emission draws from; bounces draw from the sets after them.

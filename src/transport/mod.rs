@@ -4,7 +4,6 @@ pub mod bvh;
 pub mod emission;
 pub mod paths;
 pub mod sampling;
-mod surface;
 #[cfg(test)]
 pub(crate) mod testing;
 

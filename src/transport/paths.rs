@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::bvh::{Hit, SceneBvh, offset, weights};
 use super::emission::{EMISSION_SETS, EmittedRay, Emitter, mean};
 use super::sampling::{Sequence, cosine_hemisphere};
-use super::surface::Surface;
 use super::{Scatter, Vpl, VplKey};
 use crate::scene::Scene;
 
