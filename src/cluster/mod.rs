@@ -3,6 +3,7 @@
 pub mod aperture;
 pub mod balance;
 mod border;
+pub mod evaluate;
 pub mod octree;
 pub mod polygon;
 pub mod similarity;

@@ -1,0 +1,97 @@
+//! What a virtual light adds to a surface point, on the CPU: the slow and obvious form of the accumulation shader (VPL13 section 6.1).
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use super::{Shape, VirtualLight};
+use crate::scene::Scene;
+use crate::transport::SceneBvh;
+use crate::transport::bvh::offset;
+use crate::transport::emission::SpotFalloff;
+
+/// Irradiance in lux at a point of a surface, as if nothing were in between.
+pub fn unoccluded(light: &VirtualLight, position: Vec3, normal: Vec3) -> Vec3 {
+    let to_light = light.position - position;
+    let (d2, d) = (to_light.length_squared(), to_light.length());
+    let cos = normal.dot(to_light) / d.max(f32::MIN_POSITIVE);
+    match &light.shape {
+        Shape::Polygon { vertices } => {
+            light.flux * polygon_factor(vertices, light.normal, position, normal)
+        }
+        Shape::Disk { area } => {
+            let cos_light = -light.normal.dot(to_light) / d.max(f32::MIN_POSITIVE);
+            light.flux
+                * (cos.max(0.0) * cos_light.max(0.0) / (PI * d2 + area).max(f32::MIN_POSITIVE))
+        }
+        Shape::Point => light.flux * (cos.max(0.0) / d2.max(f32::MIN_POSITIVE)),
+        Shape::Spot { inner, outer } => {
+            let falloff = SpotFalloff::new(*inner, *outer)
+                .at(-light.normal.dot(to_light) / d.max(f32::MIN_POSITIVE));
+            light.flux * (falloff * cos.max(0.0) / d2.max(f32::MIN_POSITIVE))
+        }
+        Shape::Directional { .. } => light.flux * (-light.normal.dot(normal)).max(0.0),
+    }
+}
+
+/// Irradiance in lux with visibility by one ray to [`VirtualLight::position`], what a shadow map with one exact tap gives.
+pub fn irradiance(
+    scene: &Scene,
+    bvh: &SceneBvh,
+    light: &VirtualLight,
+    position: Vec3,
+    normal: Vec3,
+) -> Vec3 {
+    let e = unoccluded(light, position, normal);
+    if e == Vec3::ZERO {
+        return e;
+    }
+    let from = offset(position, normal);
+    let (direction, distance) = match light.shape {
+        Shape::Directional { .. } => (-light.normal, f32::INFINITY),
+        _ => (
+            (light.position - from).normalize(),
+            from.distance(light.position),
+        ),
+    };
+    if bvh.occluded(scene, from, direction, distance) {
+        Vec3::ZERO
+    } else {
+        e
+    }
+}
+
+/// Irradiance per lumen of a Lambertian polygon: the form factor from the point to the polygon's part above the point's horizon
+/// (VPL13 equations 3 and 4), over pi times the area.
+fn polygon_factor(vertices: &[Vec3], light_normal: Vec3, position: Vec3, normal: Vec3) -> f32 {
+    if (position - vertices[0]).dot(light_normal) <= 0.0 {
+        return 0.0;
+    }
+    let n = vertices.len();
+    let mut area = Vec3::ZERO;
+    for i in 1..n - 1 {
+        area += (vertices[i] - vertices[0]).cross(vertices[i + 1] - vertices[0]) * 0.5;
+    }
+    let mut above = Vec::with_capacity(n + 1);
+    for i in 0..n {
+        let (a, b) = (vertices[i] - position, vertices[(i + 1) % n] - position);
+        let (ha, hb) = (a.dot(normal), b.dot(normal));
+        if ha >= 0.0 {
+            above.push(a);
+        }
+        if (ha > 0.0 && hb < 0.0) || (ha < 0.0 && hb > 0.0) {
+            above.push(a + (b - a) * (ha / (ha - hb)));
+        }
+    }
+    let mut sum = 0.0;
+    for i in 0..above.len() {
+        let (a, b) = (above[i], above[(i + 1) % above.len()]);
+        let cross = a.cross(b);
+        let length = cross.length();
+        if length > 0.0 {
+            sum += normal.dot(cross) / length * length.atan2(a.dot(b));
+        }
+    }
+    // Counter-clockwise around the light's normal is clockwise as the point sees it.
+    (-sum).max(0.0) / (2.0 * PI * area.length().max(f32::MIN_POSITIVE))
+}
