@@ -1,4 +1,4 @@
-//! To come.
+//! The bake on the device: one file per pass, with the shader's name.
 
 mod accumulate;
 mod list;
@@ -10,6 +10,7 @@ mod shaders;
 mod shadow;
 pub mod shared;
 mod update;
+pub mod uv_raster;
 
 pub use occluders::Occluders;
 pub use place::Receivers;

@@ -20,6 +20,10 @@ pub const MACROS: &[(&str, u32)] = &[
     ("FORM_PUNCTUAL", FORM_PUNCTUAL),
     ("FORM_DIRECTIONAL", FORM_DIRECTIONAL),
     ("FORMS", FORMS),
+    ("UV_UNIT", UV_UNIT),
+    ("UV_REACH", UV_REACH),
+    ("CLAIM_EDGE", CLAIM_EDGE),
+    ("CLAIM_VERTEX", CLAIM_VERTEX),
 ];
 
 /// Texels per tile: one workgroup of the accumulation.
@@ -61,3 +65,14 @@ pub const FORM_PUNCTUAL: u32 = 3;
 pub const FORM_DIRECTIONAL: u32 = 4;
 /// Number of forms.
 pub const FORMS: u32 = 5;
+
+/// Steps per texel of the grid that uv coordinates are rounded to, so that coverage is decided in integers: alike on
+/// every device.
+pub const UV_UNIT: u32 = 4096;
+/// How near to a texel's centre, in steps along u and along v, a point must lie for bilinear filtering to fetch that
+/// texel: one texel, and what a coordinate can be off by when it is stored as a 32-bit float and rounded to a step.
+pub const UV_REACH: u32 = UV_UNIT + 4;
+/// Added to the triangle of a claim that an edge makes: triangles come first.
+pub const CLAIM_EDGE: u32 = 1 << 30;
+/// Added to the triangle of a claim that a vertex makes.
+pub const CLAIM_VERTEX: u32 = 2 << 30;

@@ -13,6 +13,8 @@ mod features;
 mod instance;
 mod pipeline;
 mod queue;
+#[cfg(test)]
+pub(crate) mod testing;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};

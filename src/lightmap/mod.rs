@@ -5,6 +5,7 @@ mod authored;
 pub mod coverage;
 mod edges;
 mod skyline;
+pub mod texels;
 mod unwrap;
 
 pub use atlas::{AtlasOptions, LightmapError, Placement};

@@ -1,0 +1,253 @@
+//! The texel list: for each texel that a surface claims, the point of the surface that it stands for.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::{Atlas, ObjectAtlas, Texel};
+use crate::scene::{Mesh, Scene};
+
+/// How far inside its triangle a texel's point lies at least, in texels (less in triangles too small for that), so that
+/// it does not lie in the wall that meets the surface there.
+const INSET: f64 = 1.0 / 64.0;
+
+/// Which triangle owns which texel, as `bake::uv_raster` finds it (VPL13 section 4).
+#[derive(Clone, Debug, Default)]
+pub struct Claims {
+    /// Per page, `page_size²` claims, top row first: [`Claims::NONE`], or the triangle in the low 30 bits and above them
+    /// who claimed it: 0 a triangle that covers the centre, 1 an edge, 2 a vertex.
+    pub pages: Vec<Vec<u32>>,
+    /// The number of each object's first triangle, counted over all objects in order; the total follows.
+    pub first_triangle: Vec<u32>,
+    /// Counts and time.
+    pub statistics: ClaimStatistics,
+}
+
+/// VPL13's table (section 7) for one scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct ClaimStatistics {
+    /// Triangles that own at least one texel (#T_uv).
+    pub t_uv: u32,
+    /// Texels whose centre no triangle covers, found by edges and vertices (#P_uv).
+    pub p_uv: u32,
+    /// All claimed texels.
+    pub texels: u32,
+    /// Milliseconds from the layout to the claims, transfers included.
+    pub ms: f64,
+}
+
+impl Claims {
+    /// Nobody's texel.
+    pub const NONE: u32 = u32::MAX;
+
+    /// The triangle's number over all objects; none for an unclaimed texel.
+    pub fn triangle(claim: u32) -> Option<u32> {
+        (claim != Self::NONE).then_some(claim & 0x3fff_ffff)
+    }
+
+    /// Whether a triangle covers the texel's centre.
+    pub fn is_covered(claim: u32) -> bool {
+        claim < 1 << 30
+    }
+}
+
+/// All texels that receive light.
+#[derive(Clone, Debug, Default)]
+pub struct Texels {
+    /// By object, then chart, then Morton code of (x, y); each object's last tile is filled up with copies of its last
+    /// texel whose `pixel` is [`Texel::NONE`].
+    pub list: Vec<Texel>,
+    /// Per object, its tiles of [`Texel::TILE`] entries of the list.
+    pub tiles: Vec<Range<u32>>,
+    /// Entries that are no fillers.
+    pub count: u32,
+}
+
+/// A claimed texel on its way into the list.
+#[derive(Clone, Copy)]
+struct Claimed {
+    /// Chart, then Morton code.
+    key: u64,
+    /// Inside its page.
+    at: UVec2,
+    /// Inside its mesh.
+    triangle: u32,
+}
+
+impl Texels {
+    /// Finds each claimed texel's point: its centre where its triangle covers it, the nearest point of the triangle
+    /// elsewhere.
+    ///
+    /// Normals are of the front side, in object space, mirrored objects included. Into world space they go by the
+    /// inverse transpose, that is the cofactor matrix times the determinant's *sign*: the cofactor matrix alone
+    /// would turn the normals of a mirrored object to its back.
+    pub fn build(scene: &Scene, atlas: &Atlas, claims: &Claims) -> Self {
+        let per_object: Vec<Vec<Claimed>> = (0..atlas.objects.len())
+            .into_par_iter()
+            .map(|object| {
+                let own = claims.first_triangle[object]..claims.first_triangle[object + 1];
+                collect(atlas, &atlas.objects[object], own, claims)
+            })
+            .collect();
+
+        let mut texels = Self::default();
+        for claimed in &per_object {
+            let first = texels.tiles.last().map_or(0, |tiles| tiles.end);
+            let tiles = claimed.len().div_ceil(Texel::TILE) as u32;
+            texels.tiles.push(first..first + tiles);
+            texels.count += claimed.len() as u32;
+        }
+        let tiles = texels.tiles.last().map_or(0, |tiles| tiles.end) as usize;
+        texels.list = vec![bytemuck::Zeroable::zeroed(); tiles * Texel::TILE];
+        let mut rest = texels.list.as_mut_slice();
+        for (object, claimed) in per_object.iter().enumerate() {
+            let (own, others) = rest.split_at_mut(claimed.len().next_multiple_of(Texel::TILE));
+            rest = others;
+            let layout = &atlas.objects[object];
+            let mesh = &scene.meshes[scene.objects[object].mesh as usize];
+            own.par_iter_mut()
+                .zip(claimed)
+                .with_min_len(1024)
+                .for_each(|(texel, claimed)| {
+                    let (position, normal) = surface_point(mesh, layout, claimed);
+                    let page = atlas.page_size * layout.page;
+                    *texel = Texel {
+                        position: position.to_array(),
+                        object: object as u32,
+                        normal: normal.to_array(),
+                        pixel: (page + claimed.at.y) * atlas.page_size + claimed.at.x,
+                    };
+                });
+            if let Some(last) = claimed.len().checked_sub(1) {
+                let filler = Texel {
+                    pixel: Texel::NONE,
+                    ..own[last]
+                };
+                own[claimed.len()..].fill(filler);
+            }
+        }
+        texels
+    }
+}
+
+/// The object's claimed texels in the list's order.
+fn collect(atlas: &Atlas, layout: &ObjectAtlas, own: Range<u32>, claims: &Claims) -> Vec<Claimed> {
+    let page = &claims.pages[layout.page as usize];
+    let end = (layout.origin + layout.size).min(UVec2::splat(atlas.page_size));
+    let mut claimed: Vec<Claimed> = (layout.origin.y..end.y)
+        .into_par_iter()
+        .with_min_len(16)
+        .flat_map_iter(|y| {
+            let row = (y * atlas.page_size) as usize;
+            let own = own.clone();
+            (layout.origin.x..end.x).filter_map(move |x| {
+                let triangle = Claims::triangle(page[row + x as usize])?;
+                let triangle = own.contains(&triangle).then(|| triangle - own.start)?;
+                let chart = layout.layout.charts[triangle as usize];
+                Some(Claimed {
+                    key: u64::from(chart) << 32 | u64::from(morton(x, y)),
+                    at: UVec2::new(x, y),
+                    triangle,
+                })
+            })
+        })
+        .collect();
+    claimed.par_sort_unstable_by_key(|claimed| claimed.key);
+    claimed
+}
+
+/// Bits of `x` and `y` (below 2^16) in turn.
+fn morton(x: u32, y: u32) -> u32 {
+    let spread = |v: u32| {
+        let v = (v | v << 8) & 0x00ff_00ff;
+        let v = (v | v << 4) & 0x0f0f_0f0f;
+        let v = (v | v << 2) & 0x3333_3333;
+        (v | v << 1) & 0x5555_5555
+    };
+    spread(x) | spread(y) << 1
+}
+
+/// Object-space position and unit normal.
+fn surface_point(mesh: &Mesh, layout: &ObjectAtlas, claimed: &Claimed) -> (Vec3, Vec3) {
+    let corners = layout.layout.triangles[claimed.triangle as usize]
+        .map(|vertex| layout.layout.vertices[vertex as usize]);
+    let center = (claimed.at - layout.origin).as_vec2() + 0.5;
+    let weights = inner_weights(corners.map(|corner| corner.uv), center);
+    let [b0, b1, b2] = weights.map(|w| w as f32);
+    let source = corners.map(|corner| corner.source as usize);
+
+    let [p0, p1, p2] = source.map(|vertex| mesh.positions[vertex]);
+    let position = p0 * b0 + p1 * b1 + p2 * b2;
+    // The front is the mesh's, whatever order the layout keeps its corners in.
+    let [q0, q1, q2] = mesh.triangles[claimed.triangle as usize]
+        .map(|vertex| mesh.positions[vertex as usize].as_dvec3());
+    let geometric = (q1 - q0).cross(q2 - q0).normalize_or_zero();
+
+    let [n0, n1, n2] = source.map(|vertex| mesh.normals.get(vertex).copied().unwrap_or(Vec3::ZERO));
+    let shading = (n0 * b0 + n1 * b1 + n2 * b2).as_dvec3().normalize_or_zero();
+    let normal = if geometric == DVec3::ZERO {
+        shading.try_normalize().unwrap_or(DVec3::Y)
+    } else if shading.dot(geometric) > 0.0 {
+        shading
+    } else {
+        geometric
+    };
+    (position, normal.as_vec3())
+}
+
+/// Barycentric weights of the point nearest to `center` among those at least [`INSET`] inside the triangle.
+///
+/// These points are the triangle shrunk around its incentre, whose weights are the sides' shares of the perimeter: so
+/// the nearest point is sought in the shrunk triangle, and nothing is divided by an area that may be zero.
+fn inner_weights(uv: [Vec2; 3], center: Vec2) -> [f64; 3] {
+    let v = uv.map(|uv| (uv - center).as_dvec2());
+    let area = (v[1] - v[0]).perp_dot(v[2] - v[0]);
+    let sides = [
+        v[1].distance(v[2]),
+        v[2].distance(v[0]),
+        v[0].distance(v[1]),
+    ];
+    let perimeter: f64 = sides.iter().sum();
+    if perimeter.is_nan() || perimeter <= 0.0 {
+        return [1.0 / 3.0; 3];
+    }
+    let incentre = sides.map(|side| side / perimeter);
+    let middle = v[0] * incentre[0] + v[1] * incentre[1] + v[2] * incentre[2];
+    let inradius = area.abs() / perimeter;
+    let shrink = 1.0 - (INSET / inradius).min(0.5);
+    let near = nearest_weights(v.map(|v| middle + (v - middle) * shrink));
+    std::array::from_fn(|i| near[i] * shrink + incentre[i] * (1.0 - shrink))
+}
+
+/// Barycentric weights of the triangle's point nearest to the origin.
+fn nearest_weights(v: [DVec2; 3]) -> [f64; 3] {
+    let area = (v[1] - v[0]).perp_dot(v[2] - v[0]);
+    let parts = [
+        v[1].perp_dot(v[2]),
+        v[2].perp_dot(v[0]),
+        v[0].perp_dot(v[1]),
+    ];
+    if area != 0.0 && parts.iter().all(|part| part * area >= 0.0) {
+        return parts.map(|part| part / area);
+    }
+    let mut best = ([1.0, 0.0, 0.0], f64::INFINITY);
+    for i in 0..3 {
+        let j = (i + 1) % 3;
+        let along = v[j] - v[i];
+        let length = along.length_squared();
+        let t = if length > 0.0 {
+            (-v[i].dot(along) / length).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let distance = (v[i] + along * t).length_squared();
+        if distance < best.1 {
+            let mut weights = [0.0; 3];
+            weights[i] = 1.0 - t;
+            weights[j] = t;
+            best = (weights, distance);
+        }
+    }
+    best.0
+}
