@@ -174,7 +174,8 @@ class Tracer:
         """Where a ray goes on after a hit that alpha cut away."""
         v, e1, e2 = self.corners(triangle, active)
         p = v + e1 * b.x + e2 * b.y
-        return o + d * (dr.dot(p - o, d) / dr.squared_norm(d) + OFFSET * 0.1 * (1 + dr.max(dr.abs(p))) / dr.norm(d))
+        step = OFFSET * 0.1 * (1 + dr.max(dr.abs(p))) / dr.norm(d)
+        return Point3f(o + d * (dr.dot(p - o, d) / dr.squared_norm(d) + step))
 
     @dr.syntax
     def sees(self, o, to, active):
@@ -183,7 +184,7 @@ class Tracer:
         ray = Ray3f(o, d, 1 - 1e-5, 0, [])
         free = active & ~self.opaque.ray_test(ray, coherent=False, active=active)
         if dr.hint(self.masked is not None, mode="scalar"):
-            at, t = Point3f(o), Float(0)
+            at, d, t = Point3f(o), Vector3f(d), Float(0)
             looking = Bool(free)
             while looking:
                 pi = self.masked.ray_intersect_preliminary(
@@ -308,6 +309,7 @@ class Tracer:
             beta = dr.select(active, beta / keep, beta)
             cosine = mi.warp.square_to_cosine_hemisphere(sampler.next_2d(active))
             density = cosine.z * dr.inv_pi
+            active &= density > 0
             d = dr.select(active, Frame3f(ny).to_world(cosine), d)
             o = dr.select(active, self.off(y, ny), o)
         return direct, bounced
@@ -340,5 +342,5 @@ class Tracer:
         direct, bounced = self.estimate(p, n, face, ray, light, sampler)
         out = []
         for x in (direct, bounced):
-            out.append(np.stack([dr.block_sum(c, per).numpy().astype(float) / per for c in x], 1))
+            out.append(np.stack([dr.block_sum(c + dr.zeros(Float, count * per), per).numpy().astype(float) / per for c in x], 1))
         return out
