@@ -34,9 +34,10 @@ void main() {
     vec4 r1 = placements.at[object].row[1];
     vec4 r2 = placements.at[object].row[2];
     vec3 position = vec3(dot(r0, p), dot(r1, p), dot(r2, p));
-    vec3 normal = normalize(vec3(dot(placements.at[object].normal_row[0], n),
-                                 dot(placements.at[object].normal_row[1], n),
-                                 dot(placements.at[object].normal_row[2], n)));
+    vec3 normal = vec3(dot(placements.at[object].normal_row[0], n),
+                       dot(placements.at[object].normal_row[1], n),
+                       dot(placements.at[object].normal_row[2], n));
+    normal *= inversesqrt(max(dot(normal, normal), 1e-30));
     receivers.at[slot].position = position;
     receivers.at[slot].normal = normal;
     positions[lane] = position;

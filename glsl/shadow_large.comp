@@ -47,8 +47,9 @@ void main() {
             if (slope == 0.0 && rest < 0.0) high = -2.0;
         }
         // A thousandth of a pixel wider, so that no rounding opens a gap to a neighbour drawn by shadow_small.
-        int i0 = int(max(ceil((low + 1.0) * half_size - 0.501), 0.0));
-        int i1 = int(min(floor((high + 1.0) * half_size - 0.499), float(view.size - 1)));
+        // Clamped before and after the conversion: an edge almost along the row has its bound at infinity.
+        int i0 = max(int(ceil((min(low, 2.0) + 1.0) * half_size - 0.501)), 0);
+        int i1 = min(int(floor((max(high, -2.0) + 1.0) * half_size - 0.499)), int(view.size) - 1);
         uint row = base + uint(j) * view.size;
         float value = s.value.x * column_center(uint(i0), view.size) + s.value.y * t + s.value.z;
         float slope = s.value.x * step;

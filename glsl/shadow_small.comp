@@ -43,12 +43,11 @@ void main() {
     high = min(high, vec2(view.size - 1, height - 1));
     bool visible = !s.empty && (!s.bounded || (low.x <= high.x && low.y <= high.y));
     if (!visible) return;
-    if (!s.bounded) {
-        low = vec2(0.0);
-        high = vec2(view.size - 1, height - 1);
-    }
-    uint columns = uint(high.x - low.x) + 1;
-    uint rows = uint(high.y - low.y) + 1;
+    // Unbounded: the whole face. Clamped as integers, so that nothing leads out of it.
+    uvec2 first_pixel = s.bounded ? min(uvec2(low), uvec2(view.size - 1, height - 1)) : uvec2(0);
+    uvec2 last_pixel = s.bounded ? min(uvec2(high), uvec2(view.size - 1, height - 1)) : uvec2(view.size - 1, height - 1);
+    uint columns = last_pixel.x - first_pixel.x + 1;
+    uint rows = last_pixel.y - first_pixel.y + 1;
     bool here = columns * rows <= SMALL;
     if (!here) {
         uint slot = atomicAdd(large_head.at[0].entries, 1);
@@ -59,9 +58,9 @@ void main() {
 
     uint base = view.offset + face_offset(face, view.size);
     float step = 2.0 / float(view.size);
-    float t = row_center(uint(low.y), view.size, side);
-    float s0 = column_center(uint(low.x), view.size);
-    uint row = base + uint(low.y) * view.size + uint(low.x);
+    float t = row_center(first_pixel.y, view.size, side);
+    float s0 = column_center(first_pixel.x, view.size);
+    uint row = base + first_pixel.y * view.size + first_pixel.x;
     for (uint j = 0; j < rows; ++j) {
         vec3 d = vec3(s0, t, 1.0);
         for (uint i = 0; i < columns; ++i) {

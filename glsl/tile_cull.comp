@@ -58,7 +58,7 @@ void main() {
             if (kind == LIGHT_POINT || kind == LIGHT_SPOT) form = FORM_PUNCTUAL;
             if (kind == LIGHT_DISK) form = FORM_DISK;
             if (kind == LIGHT_POLYGON)
-                form = all_above ? (distance - reach > far * radius ? FORM_DISK : FORM_POLYGON) : FORM_CLIPPED;
+                form = distance - reach > far * radius ? FORM_DISK : (all_above ? FORM_POLYGON : FORM_CLIPPED);
             [[unroll]] for (uint k = 0; k < FORMS; ++k) masks[k] |= form == k ? 1u << i : 0u;
         }
     }

@@ -12,10 +12,11 @@ float nearness(Uints depth, uint offset, uint size, vec3 local) {
     uint side = (along_x ? 0 : 2) + ((along_x ? local.x : local.y) < 0.0 ? 1 : 0);
     float inverse = 1.0 / w;
     float half_size = 0.5 * float(size);
-    float column = clamp((u * inverse + 1.0) * half_size, 0.0, float(size) - 1.0);
-    float row = clamp((v * inverse + (top ? 1.0 : 0.0)) * half_size, 0.0, float(top ? size : size / 2) - 1.0);
+    uint column = uint(max((u * inverse + 1.0) * half_size, 0.0));
+    uint row = uint(max((v * inverse + (top ? 1.0 : 0.0)) * half_size, 0.0));
     uint start = offset + (top ? 0 : size * size + side * (size * size / 2));
-    return uintBitsToFloat(depth.at[start + uint(row) * size + uint(column)]) * w;
+    // Clamped as integers: no direction, not even an undefined one, leads out of the map.
+    return uintBitsToFloat(depth.at[start + min(row, (top ? size : size / 2) - 1) * size + min(column, size - 1)]) * w;
 }
 
 // Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there.

@@ -1,10 +1,13 @@
-//! The bake on the device: one file per pass, with the shader's name.
+//! The loop: what is accumulated when, and the passes that do it, each beside the shader of the same stem.
 
 mod accumulate;
 mod list;
 mod occluders;
 mod place;
+mod progress;
 mod records;
+mod report;
+mod run;
 mod settings;
 mod shaders;
 mod shadow;
@@ -14,7 +17,12 @@ pub mod uv_raster;
 
 pub use occluders::Occluders;
 pub use place::Receivers;
-pub use settings::{Clusters, MAX_BOUNCES, Preset, Quality, Settings, fixed_point_bits};
+pub use progress::{Progress, Silent, Stage};
+pub use report::{AtlasReport, Counts, Report};
+pub use run::{BakeError, Baked, Job, bake};
+pub use settings::{
+    Clusters, MAX_BOUNCES, Options, Preset, Quality, Settings, SettingsError, fixed_point_bits,
+};
 pub use update::{Illumination, Sign};
 
 #[cfg(test)]

@@ -2,6 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Recorded settings that no bake wrote.
+#[derive(Debug, thiserror::Error)]
+#[error("the recorded setting `{name}` is out of range: it must be {range}")]
+pub struct SettingsError {
+    name: &'static str,
+    range: &'static str,
+}
+
 /// A trade of time for error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -50,6 +58,99 @@ pub struct Settings {
     /// Direct light is left out.
     pub indirect_only: bool,
 }
+
+impl Settings {
+    /// An error if they were not written by a bake but by hand, and wrongly.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let sizes = 8..=16384;
+        let checks = [
+            (
+                self.flux_per_path.is_finite() && self.flux_per_path > 0.0,
+                "flux_per_path",
+                "above 0",
+            ),
+            (self.bounces <= 32, "bounces", "at most 32"),
+            (
+                sizes.contains(&self.shadow_size),
+                "shadow_size",
+                "between 8 and 16384",
+            ),
+            (
+                sizes.contains(&self.direct_shadow_size),
+                "direct_shadow_size",
+                "between 8 and 16384",
+            ),
+            (
+                sizes.contains(&self.sun_shadow_size),
+                "sun_shadow_size",
+                "between 8 and 16384",
+            ),
+            (
+                (0.0..=4.0).contains(&self.disk_area),
+                "disk_area",
+                "between 0 and 4",
+            ),
+            (
+                (-96..=96).contains(&self.fixed_point_bits),
+                "fixed_point_bits",
+                "between -96 and 96",
+            ),
+        ];
+        match checks.into_iter().find(|(right, _, _)| !right) {
+            Some((_, name, range)) => Err(SettingsError { name, range }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What a bake is asked for; none leaves it to the preset and the scene.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The preset.
+    pub quality: Option<Quality>,
+    /// Cells.
+    pub clusters: Option<u32>,
+    /// Paths of all lights together.
+    pub paths: Option<u64>,
+    /// Most bounces.
+    pub bounces: Option<u32>,
+    /// Scrambles all sequences.
+    pub seed: u32,
+    /// Pixels along the edge of an indirect light's hemicube; direct ones get four times as many.
+    pub shadow_size: Option<u32>,
+    /// Direct light is left out.
+    pub indirect_only: bool,
+}
+
+impl Options {
+    /// The settings for a scene whose lights send `flux` lumens onto `area` m² of surface.
+    pub fn resolve(&self, flux: f64, area: f64) -> Settings {
+        let quality = self.quality.unwrap_or(Quality::Preview);
+        let preset = quality.preset();
+        let paths = self.paths.unwrap_or(preset.paths).max(1);
+        let shadow_size = self.shadow_size.unwrap_or(preset.shadow_size);
+        Settings {
+            quality,
+            seed: self.seed,
+            flux_per_path: if flux > 0.0 { flux / paths as f64 } else { 1.0 },
+            bounces: self.bounces.unwrap_or(MAX_BOUNCES),
+            clusters: self
+                .clusters
+                .map_or(Clusters::Error(preset.error), Clusters::Count),
+            shadow_size,
+            direct_shadow_size: self
+                .shadow_size
+                .map_or(preset.direct_shadow_size, |s| 4 * s),
+            sun_shadow_size: preset.sun_shadow_size,
+            disk_area: DISK_AREA,
+            fixed_point_bits: fixed_point_bits(flux, area),
+            indirect_only: self.indirect_only,
+        }
+    }
+}
+
+/// Factor of a disk's area in its form factor's denominator: a quarter of the usual 1 halves the bias of near texels.
+const DISK_AREA: f32 = 0.25;
 
 /// What the presets decide.
 #[derive(Clone, Copy, Debug)]

@@ -15,8 +15,10 @@ use crate::scene::Bounds;
 
 /// Depth pixels of one batch: 256 MiB.
 const DEPTH_ELEMENTS: u64 = 64 << 20;
-/// No submission should run longer: drivers kill those that run for seconds.
+/// No submission on a GPU should run longer: drivers kill those that run for seconds.
 const SUBMISSION: Duration = Duration::from_millis(400);
+/// Lights of the first submission there, before anything is known.
+const FIRST_BATCH: usize = 4;
 /// Submissions in flight: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
 
@@ -71,7 +73,8 @@ impl Illumination {
             bounds,
             pending: Vec::new(),
             in_flight: VecDeque::new(),
-            batch: 4,
+            // Nobody kills what runs on a CPU, and larger batches are faster there too.
+            batch: if gpu.info().kind == "CPU" { BATCH as usize } else { FIRST_BATCH },
             lights: 0,
         })
     }
@@ -198,6 +201,9 @@ impl Illumination {
             return Ok(());
         };
         ticket.wait()?;
+        if self.gpu.info().kind == "CPU" {
+            return Ok(());
+        }
         // A batch waits for the one before it: the span holds both.
         let took = sent.elapsed() / IN_FLIGHT as u32;
         if took > SUBMISSION {

@@ -85,6 +85,17 @@ impl Scene {
         })
     }
 
+    /// m² of all triangles of all objects, one side each.
+    pub fn surface_area(&self) -> f64 {
+        let area = |object: u32| -> f64 {
+            (0..self.mesh(object).triangles.len() as u32)
+                .map(|t| self.world_triangle(object, t))
+                .map(|[a, b, c]| 0.5 * f64::from((b - a).cross(c - a).length()))
+                .sum()
+        };
+        (0..self.objects.len() as u32).map(area).sum()
+    }
+
     /// Diffuse albedo, linear RGB in 0..1, at barycentric coordinates: the weights of the triangle's
     /// corners in the mesh's order, for mirrored objects too.
     pub fn albedo(&self, object: u32, triangle: u32, barycentric: Vec3) -> Vec3 {

@@ -1,0 +1,221 @@
+//! The options, in clap's words.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Parser, Subcommand};
+use rebake::bake::Quality;
+
+/// Bakes lightmaps from glTF scenes by many-light global illumination.
+#[derive(Parser)]
+#[command(version, about, max_term_width = 110)]
+pub struct Args {
+    #[command(subcommand)]
+    pub command: Command,
+    /// Vulkan device: its index or a part of its name, as `rebake devices` lists them
+    #[arg(long, global = true, value_name = "INDEX|NAME")]
+    pub device: Option<String>,
+    /// Run the Vulkan validation layer; any message is an error
+    #[arg(long, global = true)]
+    pub validate: bool,
+    /// Worker threads; the result does not depend on them
+    #[arg(long, global = true)]
+    pub threads: Option<NonZeroUsize>,
+    /// Write results, progress and errors as JSON, one object a line
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say more; twice for everything
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Bake a scene's lightmaps
+    Bake(Box<Bake>),
+    /// Compare two lightmaps or two bakes
+    Compare(Compare),
+    /// List the Vulkan devices and what each lacks
+    Devices,
+    /// Write a built-in scene as glTF
+    Scene(Scene),
+}
+
+#[derive(clap::Args)]
+pub struct Bake {
+    /// A .gltf or .glb file
+    pub scene: PathBuf,
+    /// Folder for scene.glb, lightmap_K.exr, bake.json and preview.png
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Preset: how much time to trade for how little error [default: preview]
+    #[arg(short, long, value_enum)]
+    pub quality: Option<Quality>,
+    /// Texels per metre
+    #[arg(long, value_name = "TEXELS/M", value_parser = positive, conflicts_with = "texels")]
+    pub density: Option<f32>,
+    /// Texels that the scene's surface should cover (1M, 256k, 512x512) [default: 1M, but at most 100 texels/m]
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub texels: Option<u64>,
+    /// Width and height of a lightmap page [default: as large as needed, up to 4096]
+    #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(16..=16384))]
+    pub page_size: Option<u32>,
+    /// Cells that stand for the light, or `auto`: refine until the estimated error meets the preset's [default: auto]
+    #[arg(long, value_name = "N|auto", value_parser = clusters)]
+    pub clusters: Option<Clusters>,
+    /// Light paths in all (100k, 1M)
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub paths: Option<u64>,
+    /// Most bounces of a path [default: 16, where nearly no light is left]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=32))]
+    pub bounces: Option<u32>,
+    /// Pixels along the edge of an indirect light's shadow map
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(8..=1024))]
+    pub shadow_size: Option<u32>,
+    /// Chooses the random sequences
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    /// Leave direct light out of the lightmap
+    #[arg(long)]
+    pub indirect_only: bool,
+    /// Stop refining in time to end after this long (30s, 2m, 500ms)
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub budget: Option<Duration>,
+    /// Repeat a bake: the bake.json of the folder whose scene.glb is given as the scene
+    #[arg(long, value_name = "BAKE.JSON", conflicts_with_all = ["quality", "density", "texels", "page_size", "clusters",
+        "paths", "bounces", "shadow_size", "seed", "indirect_only", "budget"])]
+    pub settings: Option<PathBuf>,
+    /// Add a sun: degrees above the horizon, degrees from -Z towards +X, lux
+    #[arg(long, value_name = "ELEVATION,AZIMUTH,LUX", value_parser = numbers::<3>, allow_hyphen_values = true)]
+    pub sun: Vec<[f32; 3]>,
+    /// Add a point light: position in metres, candela
+    #[arg(long, value_name = "X,Y,Z,CANDELA", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    pub point: Vec<[f32; 4]>,
+    /// Lay the lights of another glTF file over the scene
+    #[arg(long, value_name = "FILE")]
+    pub lights: Vec<PathBuf>,
+    /// Afterwards subtract every second light, add it again, and fail unless every bit is as before
+    #[arg(long)]
+    pub verify: bool,
+}
+
+#[derive(Clone, Copy)]
+pub enum Clusters {
+    Auto,
+    Count(u32),
+}
+
+#[derive(clap::Args)]
+pub struct Compare {
+    /// A lightmap (.exr) or a bake's folder
+    pub a: PathBuf,
+    /// The other, taken as the reference
+    pub b: PathBuf,
+    /// Write the differences in false colours, one PNG a page
+    #[arg(short, long, value_name = "PNG")]
+    pub output: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
+pub struct Scene {
+    /// cornell, integrating-sphere, furnace, museum, town-square or warehouse
+    pub name: String,
+    /// A .gltf or .glb file
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    let value: f32 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err("must be above 0".into())
+    }
+}
+
+/// 1000, 256k, 1.5M or 512x512.
+fn count(text: &str) -> Result<u64, String> {
+    let bad = || "write a whole number like 1000000, 256k, 1M or 512x512".to_owned();
+    if let Some((a, b)) = text.split_once('x') {
+        let product = count(a)?.checked_mul(count(b)?);
+        return product
+            .filter(|n| *n <= MOST)
+            .ok_or_else(|| format!("is more than {MOST}"));
+    }
+    let (digits, factor) = match text.char_indices().last().ok_or_else(bad)? {
+        (end, 'k' | 'K') => (&text[..end], 1e3),
+        (end, 'M' | 'm') => (&text[..end], 1e6),
+        (end, 'G' | 'g') => (&text[..end], 1e9),
+        _ => (text, 1.0),
+    };
+    let value: f64 = digits.parse::<f64>().map_err(|_| bad())? * factor;
+    match value {
+        v if !(v >= 1.0) => Err("must be at least 1".into()),
+        v if v > MOST as f64 => Err(format!("is more than {MOST}")),
+        v => Ok(v.round() as u64),
+    }
+}
+
+/// No count makes sense beyond this.
+const MOST: u64 = 4_000_000_000;
+
+fn clusters(text: &str) -> Result<Clusters, String> {
+    if text == "auto" {
+        return Ok(Clusters::Auto);
+    }
+    let n = count(text)?;
+    u32::try_from(n)
+        .map(Clusters::Count)
+        .map_err(|_| "is too many".into())
+}
+
+fn duration(text: &str) -> Result<Duration, String> {
+    let bad = || "write a time like 30s, 2m or 500ms".to_owned();
+    let (digits, factor) = [("ms", 1e-3), ("s", 1.0), ("m", 60.0), ("h", 3600.0)]
+        .into_iter()
+        .find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, factor)))
+        .ok_or_else(bad)?;
+    let seconds = digits.parse::<f64>().map_err(|_| bad())? * factor;
+    if !(seconds > 0.0) {
+        return Err("must be above 0".into());
+    }
+    Duration::try_from_secs_f64(seconds).map_err(|_| "is too long".into())
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
+    let parts: Result<Vec<f32>, _> = text.split(',').map(|p| p.trim().parse::<f32>()).collect();
+    parts
+        .ok()
+        .filter(|p| p.iter().all(|v| v.is_finite()))
+        .and_then(|p| p.try_into().ok())
+        .ok_or_else(|| format!("write {N} numbers with commas between them"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        use clap::CommandFactory as _;
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn counts_and_times_read_as_people_write_them() {
+        assert_eq!(count("1M"), Ok(1_000_000));
+        assert_eq!(count("512x512"), Ok(262_144));
+        assert_eq!(count("1.5k"), Ok(1500));
+        for bad in ["", "x", "-1", "0", "nan", "1e30", "4Gx4G"] {
+            assert!(count(bad).is_err(), "{bad}");
+        }
+        assert_eq!(duration("500ms"), Ok(Duration::from_millis(500)));
+        assert_eq!(duration("2m"), Ok(Duration::from_secs(120)));
+        assert!(duration("30").is_err() && duration("-1s").is_err() && duration("1e40h").is_err());
+    }
+}

@@ -1,0 +1,146 @@
+//! `rebake bake`: load, light, bake, write.
+
+use std::time::Instant;
+
+use anyhow::Context as _;
+use glam::Vec3;
+use rebake::bake::{self, AtlasReport, Baked, Job, Options, Settings};
+use rebake::gpu::{Gpu, GpuOptions};
+use rebake::lightmap::{AtlasOptions, export, preview};
+use rebake::scene::{Document, Scene, overlay_lights};
+use serde::Deserialize;
+use serde_json::json;
+
+use super::args::{self, Args, Clusters};
+use super::console::Console;
+
+/// What `--settings` needs of a bake.json.
+#[derive(Deserialize)]
+struct Recorded {
+    settings: Settings,
+    atlas: AtlasReport,
+}
+
+/// Size of preview.png.
+const PREVIEW: [u32; 2] = [960, 540];
+
+pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<()> {
+    let console = Console::new(args);
+    let options = GpuOptions {
+        device: args.device.clone(),
+        validate: args.validate,
+    };
+    // The driver starts while the file is read.
+    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || load(command));
+    let (scene, document) = loaded?;
+    let gpu = gpu?;
+    export::check_output(&command.output)?;
+
+    let job = job(command)?;
+    let Baked {
+        lightmap,
+        atlas,
+        mut report,
+    } = bake::bake(&gpu, &scene, &job, &console)?;
+    gpu.check_validation()?;
+    let preview = preview::preview(&scene, &atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])?;
+    report.total_seconds = start.elapsed().as_secs_f64();
+    let report_json = serde_json::to_vec_pretty(&report).context("writing the report")?;
+    let files = vec![
+        ("bake.json".to_owned(), report_json),
+        ("preview.png".to_owned(), preview),
+    ];
+    let written =
+        export::write_outputs(&command.output, &document, &scene, &atlas, &lightmap, files)?;
+
+    let seconds = start.elapsed().as_secs_f64();
+    if args.json {
+        println!(
+            "{}",
+            json!({ "output": command.output, "files": written, "seconds": seconds, "report": report })
+        );
+        return Ok(());
+    }
+    let lights: u64 = report.counts.virtual_lights.values().sum();
+    console.say(&format!(
+        "{}: {} texels on {} page{} of {}, {} cells, {lights} virtual lights, {} paths; {seconds:.2} s on {}{}",
+        command.output.display(),
+        report.counts.texels,
+        report.atlas.pages,
+        if report.atlas.pages == 1 { "" } else { "s" },
+        report.atlas.page_size,
+        report.counts.clusters,
+        report.counts.paths,
+        report.device.name,
+        if job.verify { "; verify: identical" } else { "" },
+    ));
+    if report.stopped_early {
+        console.say(&format!(
+            "stopped by --budget at an estimated error of {:.3} %",
+            report.estimated_error * 100.0
+        ));
+    }
+    Ok(())
+}
+
+fn load(command: &args::Bake) -> anyhow::Result<(Scene, Document)> {
+    let (mut scene, mut document) = Scene::load(&command.scene)?;
+    for file in &command.lights {
+        overlay_lights(&mut scene, &mut document, file)?;
+    }
+    for &[elevation, azimuth, lux] in &command.sun {
+        scene.add_sun(&mut document, elevation, azimuth, lux, Vec3::ONE)?;
+    }
+    for &[x, y, z, candela] in &command.point {
+        scene.add_point(&mut document, Vec3::new(x, y, z), candela, Vec3::ONE)?;
+    }
+    scene.validate()?;
+    Ok((scene, document))
+}
+
+fn job(command: &args::Bake) -> anyhow::Result<Job> {
+    let defaults = AtlasOptions::default();
+    let repeat = command.settings.as_ref().map(|path| -> anyhow::Result<_> {
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let recorded: Recorded = serde_json::from_str(&text).with_context(|| {
+            format!(
+                "{} is not a bake.json that this version wrote",
+                path.display()
+            )
+        })?;
+        recorded
+            .settings
+            .check()
+            .with_context(|| path.display().to_string())?;
+        Ok((recorded.settings, recorded.atlas))
+    });
+    Ok(Job {
+        atlas: AtlasOptions {
+            density: command.density,
+            texels: command.texels.unwrap_or(defaults.texels),
+            // Asked for by number, texels are not capped.
+            max_density: if command.texels.is_some() {
+                f32::INFINITY
+            } else {
+                defaults.max_density
+            },
+            page_size: command.page_size,
+        },
+        options: Options {
+            quality: command.quality,
+            clusters: match command.clusters {
+                Some(Clusters::Count(n)) => Some(n),
+                Some(Clusters::Auto) | None => None,
+            },
+            paths: command.paths,
+            bounces: command.bounces,
+            seed: command.seed,
+            shadow_size: command.shadow_size,
+            indirect_only: command.indirect_only,
+        },
+        repeat: repeat.transpose()?,
+        budget: command.budget,
+        verify: command.verify,
+    })
+}

@@ -1,0 +1,38 @@
+//! The command line: parse, resolve, run, one error exit.
+
+mod args;
+mod bake;
+mod compare;
+mod console;
+mod devices;
+mod scene;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+
+use args::{Args, Command};
+
+fn main() -> ExitCode {
+    let start = std::time::Instant::now();
+    let args = Args::parse();
+    console::start_log(&args);
+    if let Some(threads) = args.threads {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.get())
+            .build_global();
+        if let Err(error) = pool {
+            return console::fail(&anyhow::anyhow!("--threads {threads}: {error}"), args.json);
+        }
+    }
+    let result = match &args.command {
+        Command::Bake(command) => bake::run(&args, command, start),
+        Command::Compare(command) => compare::run(&args, command),
+        Command::Devices => devices::run(&args),
+        Command::Scene(command) => scene::run(&args, command),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => console::fail(&error, args.json),
+    }
+}
