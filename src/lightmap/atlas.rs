@@ -423,9 +423,11 @@ impl Shape {
             Some((layout, size)) => (layout, size, UvSource::Authored),
             None => {
                 let (layout, size) =
-                    unwrap(mesh, &self.positions, density).map_err(|e| LightmapError::Unwrap {
-                        object: object(),
-                        reason: e.to_string(),
+                    unwrap(mesh, &self.positions, density, limit).map_err(|e| {
+                        LightmapError::Unwrap {
+                            object: object(),
+                            reason: e.to_string(),
+                        }
                     })?;
                 (layout, size, UvSource::Unwrapped)
             }

@@ -14,6 +14,8 @@ const SLACK: f32 = 1e-4;
 const COLLAPSED: f64 = 0.001;
 /// Share of the surface that may get less than a [`THIN`]th of the texels it should.
 const STARVED: f64 = 0.05;
+/// Share of the rectangle that must be used.
+const SPARSE: f64 = 0.1;
 /// See [`STARVED`].
 const THIN: f64 = 16.0;
 
@@ -86,10 +88,12 @@ pub(crate) fn authored(
 ) -> Result<(UvLayout, UVec2), Refusal> {
     let mut layout = connected(mesh)?;
     let span = span(&layout, positions, density)?;
-    let size = span.ceil().as_uvec2() + 2 * PADDING;
+    // Objects that shared one atlas use a part of 0..1 each: only that part is kept.
+    let (low, high) = extent(&layout);
+    let size = (span * (high - low)).ceil().as_uvec2() + 2 * PADDING;
     for vertex in &mut layout.vertices {
-        vertex.uv =
-            Vec2::splat(PADDING as f32) + vertex.uv.clamp(Vec2::ZERO, Vec2::ONE) * span.as_vec2();
+        let texels = (vertex.uv.as_dvec2() - low) * span;
+        vertex.uv = Vec2::splat(PADDING as f32) + texels.as_vec2();
     }
     separate(&layout, size)?;
     Ok((layout, size))
@@ -103,6 +107,14 @@ pub(crate) fn verbatim(mesh: &Mesh, scale: f32, origin: UVec2) -> Result<UvLayou
         vertex.uv = vertex.uv * scale - origin.as_vec2();
     }
     Ok(layout)
+}
+
+/// The box around all coordinates.
+fn extent(layout: &UvLayout) -> (DVec2, DVec2) {
+    let empty = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    layout.vertices.iter().fold(empty, |(low, high), v| {
+        (low.min(v.uv.as_dvec2()), high.max(v.uv.as_dvec2()))
+    })
 }
 
 /// The layout in the file's coordinates; its charts are what connects without a seam.
@@ -183,8 +195,10 @@ fn span(layout: &UvLayout, positions: &[Vec3], density: f32) -> Result<DVec2, Re
     let aspect = (metres.x / metres.y).clamp(1e-3, 1e3);
     let span = (texels / covered).sqrt() * DVec2::new(aspect.sqrt(), 1.0 / aspect.sqrt());
     // What unwrapping fills is about half; a layout that wastes far more is refused, before it asks for absurd memory.
-    let (width, height) = (span.x.ceil() as u32, span.y.ceil() as u32);
-    if covered < 0.05 && span.x * span.y > 65536.0 || span.max_element() > 65536.0 {
+    let (low, high) = extent(layout);
+    let needed = span * (high - low);
+    if needed.x * needed.y > (texels / SPARSE).max(65536.0) || needed.max_element() > 65536.0 {
+        let (width, height) = (needed.x.ceil() as u32, needed.y.ceil() as u32);
         return Err(Refusal::Sparse { width, height });
     }
     Ok(span)
@@ -275,6 +289,9 @@ mod tests {
     fn a_clean_layout_is_kept_at_the_density_asked_for() {
         let (layout, size) = lay(&[[0.0, 0.0, 0.45, 1.0], [0.55, 0.0, 1.0, 1.0]], 32.0).unwrap();
         assert_eq!(layout.charts, [0, 0, 1, 1]);
+        // A part of the layout is as good: an object in an atlas that several share.
+        let part = [[0.1, 0.2, 0.19, 0.4], [0.21, 0.2, 0.3, 0.4]];
+        assert_eq!(lay(&part, 32.0).unwrap().1, size);
         // Each square is 32 texels wide and high: the stretch along v is undone.
         assert_eq!(size, UVec2::new(72 + 4, 32 + 4));
         let corner = layout.vertices.iter().find(|v| v.source == 2).unwrap();

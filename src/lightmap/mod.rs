@@ -2,14 +2,21 @@
 
 mod atlas;
 mod authored;
+pub mod compare;
 pub mod coverage;
 mod edges;
+pub mod export;
+pub mod exr;
+mod glb;
+mod raw;
+mod sample;
 mod skyline;
 pub mod texels;
 mod unwrap;
 
 pub use atlas::{AtlasOptions, LightmapError, Placement};
 pub use authored::Refusal;
+pub use glb::{lit_document, page_file};
 
 use std::sync::Arc;
 

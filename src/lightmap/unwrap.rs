@@ -21,12 +21,14 @@ const NEST_UP_TO: usize = 4096;
 
 /// Lays `mesh` out at `density` texels per metre. `positions` are the mesh's, scaled to metres of the world, and finite.
 ///
+/// The rectangle is as small as it gets, but rather no side is longer than `limit` texels (it may be all the same: the caller has to look).
 /// Charts keep 2 [`PADDING`] texels from each other and `PADDING` from the rectangle's border. Every triangle gets a place: one without
 /// area shares the texel of a neighbour, or has one for itself and its like.
 pub(crate) fn unwrap(
     mesh: &Mesh,
     positions: &[Vec3],
     density: f32,
+    limit: u32,
 ) -> Result<(UvLayout, UVec2), uvunwrap::Error> {
     let welded = weld(positions);
     let triangles: Vec<[u32; 3]> = mesh
@@ -60,7 +62,19 @@ pub(crate) fn unwrap(
         },
         ..uvunwrap::Options::default()
     };
-    let atlas = uvunwrap::generate(&[input], &options)?;
+    let mut atlas = uvunwrap::generate(&[input], &options)?;
+    if atlas.width.max(atlas.height) > limit && limit > 2 * PADDING {
+        // The smallest rectangle is not always the squarest one.
+        let density = uvunwrap::Density::Fixed {
+            texels_per_unit: density,
+            page_size: Some(limit),
+        };
+        let page = uvunwrap::generate(&[input], &uvunwrap::Options { density, ..options });
+        match page {
+            Ok(page) if page.page_count == 1 => atlas = page,
+            _ => {}
+        }
+    }
     Ok(layout(mesh, &atlas))
 }
 
@@ -96,10 +110,12 @@ fn hard_edges(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<[bool; 3]> {
 fn layout(mesh: &Mesh, atlas: &uvunwrap::Atlas) -> (UvLayout, UVec2) {
     let output = &atlas.meshes[0];
     let scale = Vec2::new(atlas.width as f32, atlas.height as f32);
+    let used = output.vertices.iter().filter(|v| v.chart.is_some());
+    let end = used.fold(Vec2::ZERO, |end, v| end.max(Vec2::from(v.uv) * scale));
     let mut size = if atlas.chart_count == 0 {
         UVec2::ZERO
     } else {
-        UVec2::new(atlas.width, atlas.height)
+        (end - 1e-3).ceil().as_uvec2() + PADDING
     };
     let spare = output.vertices.iter().any(|v| v.chart.is_none()).then(|| {
         // Triangles that no chart could take, nor a neighbour's: one texel below the charts.
@@ -222,7 +238,7 @@ mod tests {
     #[test]
     fn a_box_gets_six_charts_of_the_right_size() {
         let cube = cube(Vec3::new(1.0, 2.0, 3.0));
-        let (layout, size) = unwrap(&cube, &cube.positions, 10.0).unwrap();
+        let (layout, size) = unwrap(&cube, &cube.positions, 10.0, 4096).unwrap();
         check(&cube, &layout, size);
         assert_eq!(layout.charts.iter().max(), Some(&5));
         let area: f32 = layout
@@ -251,7 +267,7 @@ mod tests {
             Vec3::Z,
         ];
         let square = mesh(&p, &[[0, 1, 2], [3, 4, 5]]);
-        let (layout, size) = unwrap(&square, &p, 8.0).unwrap();
+        let (layout, size) = unwrap(&square, &p, 8.0, 4096).unwrap();
         check(&square, &layout, size);
         assert_eq!(layout.charts, [0, 0]);
     }
@@ -266,12 +282,12 @@ mod tests {
             Vec3::splat(8.0),
         ];
         let some = mesh(&p, &[[0, 1, 2], [1, 1, 2], [3, 4, 3], [3, 3, 3]]);
-        let (layout, size) = unwrap(&some, &p, 8.0).unwrap();
+        let (layout, size) = unwrap(&some, &p, 8.0, 4096).unwrap();
         check(&some, &layout, size);
         assert_eq!(layout.charts, [0, 0, 1, 1]);
 
         let only = mesh(&p, &[[3, 3, 3], [3, 4, 3]]);
-        let (layout, size) = unwrap(&only, &p, 8.0).unwrap();
+        let (layout, size) = unwrap(&only, &p, 8.0, 4096).unwrap();
         check(&only, &layout, size);
         assert_eq!(size, UVec2::splat(5));
     }
@@ -284,7 +300,7 @@ mod tests {
                 .num_threads(threads)
                 .build()
                 .unwrap();
-            pool.install(|| format!("{:?}", unwrap(&wave, &wave.positions, 20.0).unwrap()))
+            pool.install(|| format!("{:?}", unwrap(&wave, &wave.positions, 20.0, 4096).unwrap()))
         };
         assert_eq!(with(1), with(3));
     }
@@ -321,7 +337,7 @@ mod tests {
             let n = p.len();
             let t: Vec<[u32; 3]> = corners.iter().map(|&(a, b, c)| [a, b, c].map(|v| (v % n) as u32)).collect();
             let soup = mesh(&p, &t);
-            let (layout, size) = unwrap(&soup, &p, density).unwrap();
+            let (layout, size) = unwrap(&soup, &p, density, 4096).unwrap();
             check(&soup, &layout, size);
         }
     }
