@@ -18,7 +18,7 @@ import gltf
 from tracer import Tracer, dr, mi
 
 # Points are traced in groups of about this many lanes.
-LANES = 1 << 21
+LANES = 1 << 20
 
 
 def draw(scene, tracer, count, seed):
@@ -47,9 +47,57 @@ def surface(scene, triangle, b):
     return position, np.where(turned[:, None], face, normal), face
 
 
+class Sums:
+    """Running sums of rounds, point by point."""
+
+    def __init__(self, count):
+        self.rgb = np.zeros((2, count, 3))  # direct, total
+        self.moments = np.zeros((2, count))  # of the total's channel mean
+        self.rounds = np.zeros(count, np.int64)
+
+    def add(self, index, direct, total):
+        """One round of each of these points; a point may come more than once."""
+        mean = total.mean(1)
+        for to, what in zip((*self.rgb, *self.moments, self.rounds), (direct, total, mean, mean**2, 1)):
+            np.add.at(to, index, what)
+
+    def state(self):
+        """Which points count, their relative standard errors, and all standard errors."""
+        mean, square = self.moments / self.rounds
+        variance = np.maximum(square - mean**2, 0) / np.maximum(self.rounds - 1, 1)
+        lit = mean > 0.02 * mean.mean()
+        error = np.sqrt(variance)
+        return lit, np.divide(error, mean, out=np.zeros(len(mean)), where=lit), error
+
+
 def digits(x, n=5):
     """A number as JSON with n significant digits."""
     return float(f"{x:.{n}g}")
+
+
+def write(path, scene, name, triangle, b, position, normal, sums, error, how):
+    """Writes a truth file, whole or not at all."""
+    direct, total = sums.rgb / sums.rounds[:, None]
+    nodes = sorted(set(scene.node[triangle].tolist()))
+    out = {
+        "scene": name,
+        "how": how | {"triangles": len(scene.area), "area_m2": digits(scene.area.sum(), 8)},
+        "objects": [{"node": i, "name": scene.names[i]} for i in nodes],
+        "columns": ["node", "primitive", "triangle", "barycentrics", "position", "normal", "total", "direct", "error"],
+        "points": [
+            [int(scene.node[t]), int(scene.primitive[t]), int(scene.triangle[t])]
+            + [[digits(x, 7) for x in b[i]], [digits(x, 7) for x in position[i]], [digits(x) for x in normal[i]]]
+            + [[digits(x) for x in total[i]], [digits(x) for x in direct[i]], digits(error[i], 2)]
+            for i, t in enumerate(triangle)
+        ],
+    }
+    objects = ",\n".join("  " + json.dumps(o) for o in out.pop("objects"))
+    rows = ",\n".join(json.dumps(p, separators=(",", ":")) for p in out.pop("points"))
+    text = json.dumps(out, indent=1)[:-2] + ',\n "objects": [\n' + objects + '\n ],\n "points": [\n' + rows + "\n]}\n"
+    data = text.encode()
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
+    part.replace(path)
 
 
 def main():
@@ -78,96 +126,55 @@ def main():
     group = max(1, LANES // per)
     begin, seed = time.time(), 1000 * a.seed
 
-    class Sums:
-        """Running sums of rounds, point by point."""
-
-        def __init__(self):
-            self.rgb = np.zeros((2, n, 3))  # direct, total
-            self.moments = np.zeros((2, n))  # of the total's channel mean
-            self.rounds = np.zeros(n, np.int64)
-
-        def trace(self, index):
-            """One more round for these points."""
-            nonlocal seed
-            for start in range(0, len(index), group):
-                i = index[start : start + group]
-                seed += 1
-                direct, bounced = tracer.round(position[i], normal[i], face[i], a.side, seed)
-                direct += exact[i]
-                self.rgb[:, i] += direct, direct + bounced
-                m = (direct + bounced).mean(1)
-                self.moments[:, i] += m, m**2
-                self.rounds[i] += 1
-
-        def state(self):
-            """Which points count, their relative standard errors, and all standard errors."""
-            mean, square = self.moments / self.rounds
-            variance = np.maximum(square - mean**2, 0) / np.maximum(self.rounds - 1, 1)
-            lit = mean > 0.02 * mean.mean()
-            error = np.sqrt(variance)
-            return lit, np.divide(error, mean, out=np.zeros(n), where=lit), error
+    def trace(sums, index):
+        """One more round for each of these points."""
+        nonlocal seed
+        for start in range(0, len(index), group):
+            i = index[start : start + group]
+            seed += 1
+            direct, bounced = tracer.round(position[i], normal[i], face[i], a.side, seed)
+            direct += exact[i]
+            sums.add(i, direct, direct + bounced)
 
     # A pilot says where paths are needed, and is then thrown away: points that got fewer paths because their pilot
     # happened to miss a bright spot would otherwise be too dark.
-    pilot = Sums()
-    for _ in range(a.pilot):
-        pilot.trace(np.arange(n))
+    pilot = Sums(n)
+    trace(pilot, np.tile(np.arange(n), a.pilot))
     lit, relative, _ = pilot.state()
     share = np.clip(relative**2 / max(np.percentile(relative[lit] ** 2, 90), 1e-12), 1 / 8, 1) if lit.any() else np.ones(n)
     print(f"pilot of {a.pilot * per} paths a point, {time.time() - begin:.0f} s: {lit.sum()} points lit, median error {100 * np.median(relative[lit]):.2f} %", flush=True)
 
-    sums, owed, told = Sums(), np.zeros(n), time.time()
+    sums, owed, told = Sums(n), np.zeros(n), 0.0
     while True:
-        owed += share
-        due = np.flatnonzero(owed >= 1)
-        owed[due] -= 1
-        sums.trace(due)
-        least = sums.rounds.min()
-        if least < 4:
-            continue
+        owed += share * 16
+        due = np.floor(owed).astype(int)
+        owed -= due
+        trace(sums, np.repeat(np.arange(n), due))
         lit, relative, error = sums.state()
         median = 100 * np.median(relative[lit]) if lit.any() else 0.0
         tail = 100 * np.percentile(relative[lit], 95) if lit.any() else 0.0
-        if time.time() - told > 30:
-            told = time.time()
-            print(f"{sums.rounds.mean() * per:.0f} paths a point, {told - begin:.0f} s: standard error median {median:.2f} %, 95th percentile {tail:.2f} %", flush=True)
+        paths = int(sums.rounds.mean() * per)
         if a.samples is not None:
-            if sums.rounds.mean() * per >= a.samples:
-                break
-        elif least >= 16 and (median <= a.error or time.time() - begin > 60 * a.minutes):
+            done = paths >= a.samples
+        else:
+            done = sums.rounds.min() >= 16 and (median <= a.error or time.time() - begin > 60 * a.minutes)
+        if done or time.time() - told > 60:
+            told = time.time()
+            print(f"{paths} paths a point, {told - begin:.0f} s: standard error median {median:.2f} %, 95th percentile {tail:.2f} %", flush=True)
+            how = {
+                "tool": "tools/truth/make_truth.py",
+                "mitsuba": mi.__version__,
+                "seed": a.seed,
+                "paths_per_point": paths,
+                "standard_error_percent": {"median": digits(median, 3), "p95": digits(tail, 3)},
+            }
+            write(a.output, scene, a.scene.name, triangle, b, position, normal, sums, error, how)
+        if done:
             break
 
-    direct, total = sums.rgb / sums.rounds[:, None]
-    nodes = sorted(set(scene.node[triangle].tolist()))
-    out = {
-        "scene": a.scene.name,
-        "how": {
-            "tool": "tools/truth/make_truth.py",
-            "mitsuba": mi.__version__,
-            "seed": a.seed,
-            "paths_per_point": int(sums.rounds.mean() * per),
-            "standard_error_percent": {"median": digits(median, 3), "p95": digits(tail, 3)},
-            "triangles": len(scene.area),
-            "area_m2": digits(scene.area.sum(), 8),
-        },
-        "objects": [{"node": i, "name": scene.names[i]} for i in nodes],
-        "columns": ["node", "primitive", "triangle", "barycentrics", "position", "normal", "total", "direct", "error"],
-        "points": [
-            [int(scene.node[t]), int(scene.primitive[t]), int(scene.triangle[t])]
-            + [[digits(x, 7) for x in b[i]], [digits(x, 7) for x in position[i]], [digits(x) for x in normal[i]]]
-            + [[digits(x) for x in total[i]], [digits(x) for x in direct[i]], digits(error[i], 2)]
-            for i, t in enumerate(triangle)
-        ],
-    }
-    objects = ",\n".join("  " + json.dumps(o) for o in out.pop("objects"))
-    rows = ",\n".join(json.dumps(p, separators=(",", ":")) for p in out.pop("points"))
-    text = json.dumps(out, indent=1)[:-2] + ',\n "objects": [\n' + objects + '\n ],\n "points": [\n' + rows + "\n]}\n"
-    if a.output.suffix == ".gz":
-        a.output.write_bytes(gzip.compress(text.encode(), mtime=0))
-    else:
-        a.output.write_text(text)
-    share = np.median((total - direct).mean(1)[lit] / total.mean(1)[lit]) if lit.any() else 0.0
-    print(f"{a.output}: mean {total.mean():.5g} lx, {int(lit.sum())} of {n} points above 2 % of it, bounced share {100 * share:.0f} % (median)")
+    direct, total = (x.mean(1) for x in sums.rgb / sums.rounds[:, None])
+    bounced = 100 * np.median((total - direct)[lit] / total[lit]) if lit.any() else 0.0
+    print(f"{a.output}: mean {total.mean():.5g} lx, {lit.sum()} of {n} points above 2 % of it, bounced share {bounced:.0f} % (median)")
 
 
 if __name__ == "__main__":
