@@ -23,6 +23,7 @@ pub const MACROS: &[(&str, u32)] = &[
     ("UV_UNIT", UV_UNIT),
     ("UV_REACH", UV_REACH),
     ("CLAIM_EDGE", CLAIM_EDGE),
+    ("CLAIM_FAR_EDGE", CLAIM_FAR_EDGE),
     ("CLAIM_VERTEX", CLAIM_VERTEX),
 ];
 
@@ -72,7 +73,9 @@ pub const UV_UNIT: u32 = 4096;
 /// How near to a texel's centre, in steps along u and along v, a point must lie for bilinear filtering to fetch that
 /// texel: one texel, and what a coordinate can be off by when it is stored as a 32-bit float and rounded to a step.
 pub const UV_REACH: u32 = UV_UNIT + 4;
-/// Added to the triangle of a claim that an edge makes: triangles come first.
+/// Added to the triangle of a claim on a texel that an edge crosses: triangles that cover its centre come first.
 pub const CLAIM_EDGE: u32 = 1 << 30;
+/// Added to the triangle of a claim on a texel that an edge only passes.
+pub const CLAIM_FAR_EDGE: u32 = 2 << 30;
 /// Added to the triangle of a claim that a vertex makes.
-pub const CLAIM_VERTEX: u32 = 2 << 30;
+pub const CLAIM_VERTEX: u32 = 3 << 30;

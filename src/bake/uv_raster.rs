@@ -23,8 +23,8 @@ const SUBMISSION: usize = 1 << 20;
 const STRIP_TEXELS: i64 = 1024;
 /// Corners of rectangles are packed into 16 bits a coordinate, and grid products must fit 64.
 const MAX_PAGE: u32 = 1 << 15;
-/// Claims keep triangles in 30 bits.
-const MAX_TRIANGLES: u64 = 1 << 30;
+/// Claims keep triangles in 30 bits, and all ones is [`Claims::NONE`].
+const MAX_TRIANGLES: u64 = (1 << 30) - 1;
 
 const UNIT: i32 = UV_UNIT as i32;
 const REACH: i32 = UV_REACH as i32;

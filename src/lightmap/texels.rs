@@ -16,7 +16,7 @@ const INSET: f64 = 1.0 / 64.0;
 #[derive(Clone, Debug, Default)]
 pub struct Claims {
     /// Per page, `page_size²` claims, top row first: [`Claims::NONE`], or the triangle in the low 30 bits and above them
-    /// who claimed it: 0 a triangle that covers the centre, 1 an edge, 2 a vertex.
+    /// how it claims: 0 it covers the centre, 1 an edge crosses the texel, 2 an edge passes within reach, 3 a vertex does.
     pub pages: Vec<Vec<u32>>,
     /// The number of each object's first triangle, counted over all objects in order; the total follows.
     pub first_triangle: Vec<u32>,
