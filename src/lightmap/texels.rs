@@ -251,3 +251,6 @@ fn nearest_weights(v: [DVec2; 3]) -> [f64; 3] {
     }
     best.0
 }
+
+#[cfg(test)]
+mod tests;
