@@ -195,7 +195,8 @@ impl Commands {
         if bytes.is_empty() {
             return Ok(());
         }
-        let (ring, src_offset) = self.gpu.queue().stage(&self.gpu.0, bytes)?;
+        let serial = self.recording.as_ref().expect("as above").serial;
+        let (staging, src_offset) = self.gpu.queue().stage(&self.gpu.0, serial, bytes)?;
         let regions = [vk::BufferCopy {
             src_offset,
             dst_offset: offset,
@@ -204,7 +205,7 @@ impl Commands {
         // SAFETY: both ranges lie inside their buffers.
         unsafe {
             self.device()
-                .cmd_copy_buffer(self.raw(), ring, to.raw.handle, &regions)
+                .cmd_copy_buffer(self.raw(), staging, to.raw.handle, &regions)
         };
         Ok(())
     }

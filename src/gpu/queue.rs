@@ -1,6 +1,7 @@
 //! The one queue: submissions in order, what waits for them (garbage, ring space, timestamps), and the host's waits.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::Ordering;
 
 use ash::vk;
 use gpu_allocator::vulkan::Allocator;
@@ -24,6 +25,8 @@ pub(super) enum Garbage {
 
 /// A command buffer with its pool and timestamps, reused when its submission has finished.
 pub(super) struct Recording {
+    /// Counts recordings in the order they were begun.
+    pub(super) serial: u64,
     pub(super) pool: vk::CommandPool,
     pub(super) buffer: vk::CommandBuffer,
     pub(super) timestamps: vk::QueryPool,
@@ -49,17 +52,17 @@ pub(super) struct Queue {
     semaphore: vk::Semaphore,
     /// Value of the last submission; they count from 1.
     submitted: u64,
-    /// Recordings begun and not yet submitted or dropped.
-    open: u64,
+    /// Recordings that are open or in flight, by serial, each with where its uploads begin in the ring.
+    live: BTreeMap<u64, Option<u64>>,
+    /// Serial of the next recording.
+    next: u64,
     in_flight: VecDeque<(u64, Recording)>,
     idle: Vec<Recording>,
+    /// What to free, and the serial of the first recording that cannot use it.
     garbage: VecDeque<(u64, Garbage)>,
     ring: Option<RawBuffer>,
-    /// Bytes ever taken from and given back to the ring.
+    /// Bytes ever taken from the ring.
     ring_head: u64,
-    ring_tail: u64,
-    /// Up to where the ring is free again when a submission has finished.
-    ring_marks: VecDeque<(u64, u64)>,
     timings: BTreeMap<&'static str, (u64, f64)>,
 }
 
@@ -80,22 +83,20 @@ impl Queue {
             family,
             semaphore: semaphore.map_err(GpuError::call("vkCreateSemaphore (timeline)"))?,
             submitted: 0,
-            open: 0,
+            live: BTreeMap::new(),
+            next: 0,
             in_flight: VecDeque::new(),
             idle: Vec::new(),
             garbage: VecDeque::new(),
             ring: None,
             ring_head: 0,
-            ring_tail: 0,
-            ring_marks: VecDeque::new(),
             timings: BTreeMap::new(),
         })
     }
 
-    /// Frees `garbage` after every submission that may still use it.
+    /// Frees `garbage` after every recording begun so far, sent or not, because each may use it.
     pub(super) fn discard(&mut self, garbage: Garbage) {
-        self.garbage
-            .push_back((self.submitted + self.open, garbage));
+        self.garbage.push_back((self.next, garbage));
     }
 
     pub(super) fn begin(&mut self, shared: &Shared) -> Result<Recording> {
@@ -103,7 +104,7 @@ impl Queue {
         let device = &shared.device;
         // SAFETY: an idle recording's submission has finished; pointers outlive the calls.
         unsafe {
-            let recording = match self.idle.pop() {
+            let mut recording = match self.idle.pop() {
                 Some(mut recording) => {
                     recording.scopes.clear();
                     device
@@ -130,6 +131,7 @@ impl Queue {
                         GpuError::call("vkAllocateCommandBuffers")(result)
                     })?;
                     Recording {
+                        serial: 0,
                         pool,
                         buffer,
                         timestamps,
@@ -144,19 +146,20 @@ impl Queue {
                 self.idle.push(recording);
                 return Err(GpuError::call("vkBeginCommandBuffer")(result));
             }
-            self.open += 1;
+            recording.serial = self.next;
+            self.live.insert(self.next, None);
+            self.next += 1;
             Ok(recording)
         }
     }
 
     /// Takes a recording back without running it.
     pub(super) fn abandon(&mut self, recording: Recording) {
-        self.open -= 1;
+        self.live.remove(&recording.serial);
         self.idle.push(recording);
     }
 
     pub(super) fn submit(&mut self, shared: &Shared, recording: Recording) -> Result<u64> {
-        self.open -= 1;
         let value = self.submitted + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(recording.buffer)];
         let signals = [vk::SemaphoreSubmitInfo::default()
@@ -179,12 +182,11 @@ impl Queue {
         };
         if let Err(result) = sent {
             let error = self.failure("vkQueueSubmit2", result, &recording);
-            self.idle.push(recording);
+            self.abandon(recording);
             return Err(error);
         }
         self.submitted = value;
         self.in_flight.push_back((value, recording));
-        self.ring_marks.push_back((value, self.ring_head));
         Ok(value)
     }
 
@@ -258,32 +260,25 @@ impl Queue {
                         ticks[1].saturating_sub(ticks[0]) as f64 * shared.timestamp_ns * 1e-6;
                 }
             }
+            self.live.remove(&recording.serial);
             self.idle.push(recording);
         }
-        while self
-            .ring_marks
-            .front()
-            .is_some_and(|(value, _)| *value <= finished)
-        {
-            if let Some((_, tail)) = self.ring_marks.pop_front() {
-                self.ring_tail = tail;
-            }
-        }
+        let first_live = self.live.keys().next().copied().unwrap_or(self.next);
         if self
             .garbage
             .front()
-            .is_some_and(|(value, _)| *value <= finished)
+            .is_some_and(|(after, _)| *after <= first_live)
         {
             let mut allocator = shared.allocator.lock().unwrap_or_else(|e| e.into_inner());
             while self
                 .garbage
                 .front()
-                .is_some_and(|(value, _)| *value <= finished)
+                .is_some_and(|(after, _)| *after <= first_live)
             {
                 if let (Some((_, garbage)), Some(allocator)) =
                     (self.garbage.pop_front(), allocator.as_mut())
                 {
-                    // SAFETY: no unfinished submission came before it was discarded.
+                    // SAFETY: every recording begun before it was discarded has finished or was never sent.
                     unsafe { garbage.destroy(&shared.device, allocator) };
                 }
             }
@@ -291,8 +286,14 @@ impl Queue {
         Ok(())
     }
 
-    /// Puts `bytes` into the ring and says where; waits for older submissions when it is full.
-    pub(super) fn stage(&mut self, shared: &Shared, bytes: &[u8]) -> Result<(vk::Buffer, u64)> {
+    /// Puts `bytes` where recording `serial` can copy them from: into the ring, for which it waits for submissions when
+    /// it is full; beside it when open recordings hold all of it.
+    pub(super) fn stage(
+        &mut self,
+        shared: &Shared,
+        serial: u64,
+        bytes: &[u8],
+    ) -> Result<(vk::Buffer, u64)> {
         let size = (bytes.len() as u64).next_multiple_of(16);
         assert!(
             bytes.len() <= MAX_UPLOAD,
@@ -311,15 +312,36 @@ impl Queue {
         if at % RING_BYTES + size > RING_BYTES {
             at = at.next_multiple_of(RING_BYTES);
         }
-        while at + size > self.ring_tail + RING_BYTES {
-            let oldest = self.ring_marks.front().map(|mark| mark.0);
-            let oldest = oldest.expect("one recording uploads less than the ring holds");
-            self.wait(shared, oldest)?;
+        while at + size > self.ring_tail() + RING_BYTES {
+            match self.in_flight.front() {
+                Some((oldest, _)) => self.wait(shared, *oldest)?,
+                None => return self.stage_beside(shared, bytes),
+            }
         }
         self.ring_head = at + size;
+        self.live.entry(serial).and_modify(|start| {
+            start.get_or_insert(at);
+        });
         let ring = self.ring.as_mut().expect("made above");
         ring.write_mapped(at % RING_BYTES, bytes);
         Ok((ring.handle, at % RING_BYTES))
+    }
+
+    /// Where the oldest bytes lie that the ring must keep.
+    fn ring_tail(&self) -> u64 {
+        let starts = self.live.values().flatten();
+        starts.min().copied().unwrap_or(self.ring_head)
+    }
+
+    /// A buffer for one upload.
+    fn stage_beside(&mut self, shared: &Shared, bytes: &[u8]) -> Result<(vk::Buffer, u64)> {
+        let size = bytes.len() as u64;
+        let mut buffer = RawBuffer::new(shared, "upload", size, Memory::Upload)?;
+        buffer.write_mapped(0, bytes);
+        shared.allocated.fetch_sub(buffer.size, Ordering::Relaxed);
+        let handle = buffer.handle;
+        self.discard(Garbage::Buffer(buffer));
+        Ok((handle, 0))
     }
 
     /// # Safety
