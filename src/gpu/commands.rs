@@ -171,7 +171,7 @@ impl Commands {
     /// Fills bytes `offset..offset + size` (multiples of 4) with `value`.
     pub fn fill(&mut self, buffer: &Buffer, offset: u64, size: u64, value: u32) {
         assert!(
-            offset + size <= buffer.size() && (offset | size) % 4 == 0,
+            offset + size <= buffer.size() && (offset | size).is_multiple_of(4),
             "fill misses `{}`",
             buffer.name()
         );
@@ -268,7 +268,7 @@ impl Commands {
         offset: u64,
     ) {
         assert!(
-            offset + 12 <= counts.size() && offset % 4 == 0,
+            offset + 12 <= counts.size() && offset.is_multiple_of(4),
             "no counts at {offset} in `{}`",
             counts.name()
         );

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::gpu::testing::gpu;
-use crate::lightmap::{UvLayout, UvSource, UvVertex};
+use crate::lightmap::{Texel, UvLayout, UvSource, UvVertex};
 
 /// Random numbers from a seed (PCG32).
 struct Random(u64);
@@ -57,7 +57,7 @@ fn triangles(random: &mut Random, size: Vec2, count: usize) -> Vec<[Vec2; 3]> {
             let a = random.point(size);
             let inside = |p: Vec2| p.clamp(Vec2::ZERO, size);
             let mut near = |reach: f32| inside(a + (random.point(Vec2::ONE) - 0.5) * reach);
-            let triangle = match i % 8 {
+            match i % 8 {
                 0 => [a, near(2.0 * size.x), near(2.0 * size.x)],
                 1 => [a, near(6.0), near(6.0)],
                 2 => [a, near(0.5), near(0.5)],
@@ -71,8 +71,7 @@ fn triangles(random: &mut Random, size: Vec2, count: usize) -> Vec<[Vec2; 3]> {
                     inside(a + Vec2::new(size.x, 0.0)),
                     inside(a + Vec2::new(0.0, 0.01)),
                 ],
-            };
-            triangle
+            }
         })
         .collect()
 }
@@ -331,4 +330,39 @@ fn nothing_to_claim_and_nonsense_are_no_trouble() {
         rasterize(gpu(), &too_large),
         Err(GpuError::OutOfMemory { .. })
     ));
+}
+
+#[test]
+fn structures_lie_as_the_shaders_read_them() {
+    use crate::bake::shaders::LAYOUTS;
+    use std::mem::offset_of;
+    let expected: [(&str, &[usize]); 3] = [
+        (
+            "Texel",
+            &[
+                offset_of!(Texel, position),
+                offset_of!(Texel, object),
+                offset_of!(Texel, normal),
+                offset_of!(Texel, pixel),
+            ],
+        ),
+        (
+            "UvTriangle",
+            &[
+                offset_of!(UvTriangle, corner),
+                offset_of!(UvTriangle, id),
+                offset_of!(UvTriangle, low),
+                offset_of!(UvTriangle, high),
+            ],
+        ),
+        (
+            "UvStrip",
+            &[offset_of!(UvStrip, primitive), offset_of!(UvStrip, rows)],
+        ),
+    ];
+    for (name, offsets) in expected {
+        let (_, members) = LAYOUTS.iter().find(|(n, _)| *n == name).expect(name);
+        let found: Vec<_> = members.iter().map(|(_, offset)| *offset as usize).collect();
+        assert_eq!(found, offsets, "{name}");
+    }
 }

@@ -201,7 +201,6 @@ fn normals_are_interpolated_where_they_can_be_trusted() {
     assert_eq!(normal_with([Vec3::NAN; 3]), up);
 
     // A triangle that has no area in space has no side of its own.
-    let mut mesh = mesh;
     mesh.positions = vec![Vec3::ONE; 3];
     for (given, expected) in [(tilted, tilted), (-up, -up), (Vec3::ZERO, up)] {
         mesh.normals = vec![given; 3];
