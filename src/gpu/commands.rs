@@ -8,8 +8,8 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::error::Result;
-use super::queue::{MAX_TIMESTAMPS, Recording, Ticket};
-use super::{Buffer, Gpu, Pipeline};
+use super::queue::{MAX_TIMESTAMPS, Recording};
+use super::{Buffer, Gpu, Pipeline, Ticket};
 
 /// One side of a barrier. Every barrier covers all memory of its stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

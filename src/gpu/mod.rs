@@ -15,6 +15,7 @@ mod pipeline;
 mod queue;
 #[cfg(test)]
 pub(crate) mod testing;
+mod ticket;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -27,7 +28,7 @@ pub use commands::{Commands, Stage};
 pub use error::{GpuError, Result};
 pub use instance::{DeviceInfo, GpuOptions};
 pub use pipeline::{Pipeline, Shader};
-pub use queue::{Ticket, Timing};
+pub use ticket::{Ticket, Timing};
 
 use instance::Instance;
 use queue::Queue;

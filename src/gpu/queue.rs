@@ -6,9 +6,9 @@ use std::sync::atomic::Ordering;
 use ash::vk;
 use gpu_allocator::vulkan::Allocator;
 
+use super::Shared;
 use super::buffer::{Memory, RawBuffer};
 use super::error::{GpuError, Result};
-use super::{Gpu, Shared};
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
@@ -34,17 +34,6 @@ pub(super) struct Recording {
     pub(super) scopes: Vec<(&'static str, u32)>,
 }
 
-/// Device time spent under one scope name.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Timing {
-    /// The scope.
-    pub name: &'static str,
-    /// How often it ran.
-    pub calls: u64,
-    /// Milliseconds in all, by GPU timestamps.
-    pub ms: f64,
-}
-
 /// The queue and everything that waits for it.
 pub(super) struct Queue {
     raw: vk::Queue,
@@ -63,7 +52,7 @@ pub(super) struct Queue {
     ring: Option<RawBuffer>,
     /// Bytes ever taken from the ring.
     ring_head: u64,
-    timings: BTreeMap<&'static str, (u64, f64)>,
+    pub(super) timings: BTreeMap<&'static str, (u64, f64)>,
 }
 
 impl Queue {
@@ -205,7 +194,7 @@ impl Queue {
         }
     }
 
-    fn finished(&self, shared: &Shared) -> Result<u64> {
+    pub(super) fn finished(&self, shared: &Shared) -> Result<u64> {
         // SAFETY: the semaphore lives as long as the queue.
         unsafe { shared.device.get_semaphore_counter_value(self.semaphore) }
             .map_err(GpuError::call("vkGetSemaphoreCounterValue"))
@@ -388,43 +377,5 @@ impl Garbage {
                 }
             }
         }
-    }
-}
-
-/// A submission's place in the queue.
-#[must_use = "a submission that nobody waits for may never be checked"]
-pub struct Ticket {
-    pub(super) gpu: Gpu,
-    pub(super) value: u64,
-}
-
-impl Ticket {
-    /// Blocks until the submission has finished.
-    ///
-    /// # Errors
-    /// [`GpuError::Lost`] with the scopes that were running; [`GpuError::Validation`] if the layer has spoken.
-    pub fn wait(&self) -> Result<()> {
-        self.gpu.queue().wait(&self.gpu.0, self.value)?;
-        self.gpu.check_validation()
-    }
-
-    /// Whether it has finished.
-    pub fn is_done(&self) -> Result<bool> {
-        Ok(self.gpu.queue().finished(&self.gpu.0)? >= self.value)
-    }
-}
-
-impl Gpu {
-    /// Device time by scope since the start, of all submissions that were waited for.
-    pub fn timings(&self) -> Vec<Timing> {
-        self.queue()
-            .timings
-            .iter()
-            .map(|(name, (calls, ms))| Timing {
-                name,
-                calls: *calls,
-                ms: *ms,
-            })
-            .collect()
     }
 }

@@ -1,0 +1,53 @@
+//! What a submission leaves with the host: something to wait for, and the device time of its scopes.
+
+use super::Gpu;
+use super::error::Result;
+
+/// A submission's place in the queue.
+#[must_use = "a submission that nobody waits for may never be checked"]
+pub struct Ticket {
+    pub(super) gpu: Gpu,
+    pub(super) value: u64,
+}
+
+impl Ticket {
+    /// Blocks until the submission has finished.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] with the scopes that were running; [`GpuError::Validation`] if the layer has spoken.
+    pub fn wait(&self) -> Result<()> {
+        self.gpu.queue().wait(&self.gpu.0, self.value)?;
+        self.gpu.check_validation()
+    }
+
+    /// Whether it has finished.
+    pub fn is_done(&self) -> Result<bool> {
+        Ok(self.gpu.queue().finished(&self.gpu.0)? >= self.value)
+    }
+}
+
+/// Device time spent under one scope name.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Timing {
+    /// The scope.
+    pub name: &'static str,
+    /// How often it ran.
+    pub calls: u64,
+    /// Milliseconds in all, by GPU timestamps.
+    pub ms: f64,
+}
+
+impl Gpu {
+    /// Device time by scope since the start, of all submissions that were waited for.
+    pub fn timings(&self) -> Vec<Timing> {
+        self.queue()
+            .timings
+            .iter()
+            .map(|(name, (calls, ms))| Timing {
+                name,
+                calls: *calls,
+                ms: *ms,
+            })
+            .collect()
+    }
+}
