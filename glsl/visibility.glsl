@@ -1,22 +1,34 @@
 // Reads the views of a light. What lies in the receiver's own plane must not shade it: the receiver is moved along its
 // normal by what one pixel spans, and depths are compared with a relative slack.
 
-// How much nearer than the point `local` (the view's axes) the nearest thing in its direction is: above 1 it hides it.
-float nearness(Uints depth, uint offset, uint size, vec3 local) {
-    vec3 a = abs(local);
-    bool top = local.z >= max(a.x, a.y);
+// How much nearer than the receiver's plane (through `local`, with normal `n`, both in the view's axes) the nearest thing
+// is along the ray of the pixel that `direction` falls into: above 1 it hides the receiver. Measuring at the pixel's own
+// centre keeps a plane from shading itself at any angle.
+float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, vec3 n) {
+    vec3 a = abs(direction);
+    bool top = direction.z >= max(a.x, a.y);
     bool along_x = a.x >= a.y;
-    float w = top ? local.z : (along_x ? a.x : a.y);
-    float u = top || !along_x ? local.x : local.y;
-    float v = top ? local.y : local.z;
-    uint side = (along_x ? 0 : 2) + ((along_x ? local.x : local.y) < 0.0 ? 1 : 0);
+    float w = top ? direction.z : (along_x ? a.x : a.y);
+    float u = top || !along_x ? direction.x : direction.y;
+    float v = top ? direction.y : direction.z;
+    float facing = (along_x ? direction.x : direction.y) < 0.0 ? -1.0 : 1.0;
+    uint side = (along_x ? 0 : 2) + (facing < 0.0 ? 1 : 0);
     float inverse = 1.0 / w;
     float half_size = 0.5 * float(size);
-    uint column = uint(max((u * inverse + 1.0) * half_size, 0.0));
-    uint row = uint(max((v * inverse + (top ? 1.0 : 0.0)) * half_size, 0.0));
-    uint start = offset + (top ? 0 : size * size + side * (size * size / 2));
+    float shift = top ? 1.0 : 0.0;
     // Clamped as integers: no direction, not even an undefined one, leads out of the map.
-    return uintBitsToFloat(depth.at[start + min(row, (top ? size : size / 2) - 1) * size + min(column, size - 1)]) * w;
+    uint column = min(uint(max((u * inverse + 1.0) * half_size, 0.0)), size - 1);
+    uint row = min(uint(max((v * inverse + shift) * half_size, 0.0)), (top ? size : size / 2) - 1);
+    uint start = offset + (top ? 0 : size * size + side * (size * size / 2));
+    float stored = uintBitsToFloat(depth.at[start + row * size + column]);
+    // The pixel's ray is s, t, 1 in the face's axes; the plane's inverse depth along it is n . ray / n . local.
+    float s = (float(column) + 0.5) / half_size - 1.0;
+    float t = (float(row) + 0.5) / half_size - shift;
+    vec3 ray = top ? vec3(s, t, 1.0) : (along_x ? vec3(facing, s, t) : vec3(s, facing, t));
+    float plane = dot(n, local);
+    float along = dot(n, ray);
+    // Rays that leave the plane's front find nothing of it; what they meet lies before the receiver.
+    return along < 0.0 ? stored * plane / along : (stored > 0.0 ? 8.0 : 0.0);
 }
 
 // Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there.
@@ -25,11 +37,16 @@ vec3 lifted(Views views, uint view, vec3 p, vec3 n) {
     float distance = length(d);
     float cosine = dot(d, n) / max(distance, 1e-20);
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    return d + n * (distance * (0.1 + 1.5 * sine) / float(views.at[view].size));
+    return d + n * (distance * (0.1 + 0.5 * sine) / float(views.at[view].size));
 }
 
 vec3 to_local(Views views, uint view, vec3 d) {
-    return vec3(dot(views.at[view].x, d), dot(views.at[view].y, d), max(dot(views.at[view].z, d), 1e-9));
+    return vec3(dot(views.at[view].x, d), dot(views.at[view].y, d), dot(views.at[view].z, d));
+}
+
+// As to_local, kept inside the hemicube.
+vec3 to_direction(vec3 local) {
+    return vec3(local.xy, max(local.z, 1e-9));
 }
 
 // A point light has two hemicubes, back to back.
@@ -40,7 +57,8 @@ uint facing_view(Views views, uint view, bool two, vec3 p) {
 float visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec3 n, float bias) {
     view = facing_view(views, view, two, p);
     vec3 local = to_local(views, view, lifted(views, view, p, n));
-    return nearness(depth, views.at[view].offset, views.at[view].size, local) > 1.0 + bias ? 0.0 : 1.0;
+    float near = nearness(depth, views.at[view].offset, views.at[view].size, to_direction(local), local, to_local(views, view, n));
+    return near > 1.0 + bias ? 0.0 : 1.0;
 }
 
 const uint SEARCH_TAPS = 5;
@@ -61,15 +79,15 @@ float soft_visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec
     float distance = length(d);
     vec3 t = normalize(abs(d.x) > abs(d.z) ? vec3(-d.y, d.x, 0.0) : vec3(0.0, -d.z, d.y));
     vec3 b = cross(d, t) / max(distance, 1e-20);
-    float plane = dot(n, d);
+    vec3 local = to_local(views, view, d);
+    vec3 local_n = to_local(views, view, n);
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 
     float blockers = 0.0, inverse_sum = 0.0;
     for (uint i = 0; i < SEARCH_TAPS; ++i) {
-        vec3 e = d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach;
-        float along = plane / min(dot(n, e), -1e-9);
-        float near = nearness(depth, offset, size, to_local(views, view, e)) * clamp(along, 0.0, 8.0);
+        vec3 e = to_local(views, view, d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach);
+        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
         bool blocks = near > 1.0 + bias;
         blockers += blocks ? 1.0 : 0.0;
         inverse_sum += blocks ? near : 0.0;
@@ -79,9 +97,8 @@ float soft_visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec
     width = clamp(width, pixel, max(2.0 * radius, pixel));
     float lit = 0.0;
     for (uint i = 0; i < FILTER_TAPS; ++i) {
-        vec3 e = d + (t * FILTER[i].x + b * FILTER[i].y) * width;
-        float along = plane / min(dot(n, e), -1e-9);
-        float near = nearness(depth, offset, size, to_local(views, view, e)) * clamp(along, 0.0, 8.0);
+        vec3 e = to_local(views, view, d + (t * FILTER[i].x + b * FILTER[i].y) * width);
+        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
         lit += near > 1.0 + bias ? 0.0 : 1.0 / float(FILTER_TAPS);
     }
     return lit;

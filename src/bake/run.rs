@@ -171,7 +171,19 @@ pub fn bake(
     }
     let lightmap = stages.time(Stage::Resolve, || -> Result<_, GpuError> {
         let irradiance = illumination.irradiance()?;
-        { let n=(atlas.page_size*atlas.page_size) as usize; let mut pages=vec![vec![[0f32;3];n];atlas.pages as usize]; for (t,e) in texels.list.iter().zip(&irradiance){ if t.pixel!=u32::MAX { pages[t.pixel as usize/n][t.pixel as usize%n]=*e; } } Ok(Lightmap{page_size:atlas.page_size,pages}) }
+        {
+            let n = (atlas.page_size * atlas.page_size) as usize;
+            let mut pages = vec![vec![[0f32; 3]; n]; atlas.pages as usize];
+            for (t, e) in texels.list.iter().zip(&irradiance) {
+                if t.pixel != u32::MAX {
+                    pages[t.pixel as usize / n][t.pixel as usize % n] = *e;
+                }
+            }
+            Ok(Lightmap {
+                page_size: atlas.page_size,
+                pages,
+            })
+        }
     })?;
 
     let mut counts = Counts {

@@ -74,7 +74,11 @@ impl Illumination {
             pending: Vec::new(),
             in_flight: VecDeque::new(),
             // Nobody kills what runs on a CPU, and larger batches are faster there too.
-            batch: if gpu.info().kind == "CPU" { BATCH as usize } else { FIRST_BATCH },
+            batch: if gpu.info().kind == "CPU" {
+                BATCH as usize
+            } else {
+                FIRST_BATCH
+            },
             lights: 0,
         })
     }

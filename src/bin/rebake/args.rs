@@ -53,7 +53,7 @@ pub struct Bake {
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Preset: how much time to trade for how little error [default: preview]
-    #[arg(short, long, value_enum)]
+    #[arg(long, value_enum)]
     pub quality: Option<Quality>,
     /// Texels per metre
     #[arg(long, value_name = "TEXELS/M", value_parser = positive, conflicts_with = "texels")]

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use glam::Vec3;
 use rebake::bake::{self, AtlasReport, Baked, Job, Options, Settings};
 use rebake::gpu::{Gpu, GpuOptions};
-use rebake::lightmap::{AtlasOptions, export, preview};
+use rebake::lightmap::{AtlasOptions, export};
 use rebake::scene::{Document, Scene, overlay_lights};
 use serde::Deserialize;
 use serde_json::json;
@@ -21,9 +21,6 @@ struct Recorded {
     atlas: AtlasReport,
 }
 
-/// Size of preview.png.
-const PREVIEW: [u32; 2] = [960, 540];
-
 pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<()> {
     let console = Console::new(args);
     let options = GpuOptions {
@@ -34,7 +31,6 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
     let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || load(command));
     let (scene, document) = loaded?;
     let gpu = gpu?;
-    export::check_output(&command.output)?;
 
     let job = job(command)?;
     let Baked {
@@ -43,15 +39,23 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
         mut report,
     } = bake::bake(&gpu, &scene, &job, &console)?;
     gpu.check_validation()?;
-    let preview = preview::preview(&scene, &atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])?;
     report.total_seconds = start.elapsed().as_secs_f64();
     let report_json = serde_json::to_vec_pretty(&report).context("writing the report")?;
-    let files = vec![
-        ("bake.json".to_owned(), report_json),
-        ("preview.png".to_owned(), preview),
-    ];
-    let written =
-        export::write_outputs(&command.output, &document, &scene, &atlas, &lightmap, files)?;
+    let files = vec![("bake.json".to_owned(), report_json)];
+    let content = if report.settings.indirect_only {
+        export::Content::IndirectOnly
+    } else {
+        export::Content::DirectAndIndirect
+    };
+    let written = export::write_outputs(
+        &command.output,
+        &document,
+        &scene,
+        &atlas,
+        &lightmap,
+        content,
+        files,
+    )?;
 
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
@@ -121,7 +125,7 @@ fn job(command: &args::Bake) -> anyhow::Result<Job> {
             texels: command.texels.unwrap_or(defaults.texels),
             // Asked for by number, texels are not capped.
             max_density: if command.texels.is_some() {
-                f32::INFINITY
+                f32::MAX
             } else {
                 defaults.max_density
             },
