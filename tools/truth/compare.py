@@ -112,6 +112,13 @@ def scatter(path, truth, bake, bounced):
     Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
 
 
+def place(point, names):
+    """Where a truth point lies, in words."""
+    at, n = (", ".join(f"{x:.3f}" for x in point[k]) for k in ("position", "normal"))
+    where = f"node {point['node']}.{point['primitive']}, triangle {point['triangle']}"
+    return f"at ({at}) normal ({n}) {names[point['node']]} ({where})"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("truth", type=Path)
@@ -189,11 +196,15 @@ def main():
             print("worst points: error, bake, truth, direct (lx), where")
         for i in np.argsort(-error, kind="stable")[: a.worst]:
             p = points[i]
-            at, n = (", ".join(f"{x:.3f}" for x in p[k]) for k in ("position", "normal"))
             print(
                 f"{100 * (got[i] - truth[i]) / truth[i] if lit[i] else 0:+8.1f} % {got[i]:9.4g} {truth[i]:9.4g} {direct[i]:9.4g}  "
-                f"at ({at}) normal ({n}) {names[p['node']]} (node {p['node']}.{p['primitive']}, triangle {p['triangle']})"
+                f"{place(p, names)}"
             )
+        if a.worst and not lit.all():
+            print("brightest of the dark points: bake, truth (percent of the scene's mean), where")
+        for i in np.flatnonzero(~lit)[np.argsort(-got[~lit], kind="stable")][: a.worst]:
+            p = points[i]
+            print(f"{100 * got[i] / mean:9.3f} {100 * truth[i] / mean:9.3f}  {place(p, names)}")
         node = np.array([p["node"] for p in points])
         total = {k: error[node == k].sum() for k in names}
         for k in sorted(total, key=lambda k: -total[k])[: a.objects]:
