@@ -1,6 +1,7 @@
 //! The loop: what is accumulated when, and the passes that do it, each beside the shader of the same stem.
 
 mod accumulate;
+mod enclosed;
 mod list;
 mod occluders;
 mod place;

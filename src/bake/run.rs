@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use super::accumulate::Evaluation;
+use super::enclosed::enclosed;
 use super::occluders::Occluders;
 use super::place::Receivers;
 use super::progress::{Progress, Stage};
@@ -124,7 +125,7 @@ pub fn bake(
         let clusters = stages.time(Stage::Cluster, || {
             Clusters::new(scene, &paths, &path_settings, SimilaritySettings::default())
         });
-        (settings, paths, clusters)
+        (settings, bvh, paths, clusters)
     };
     let surface = || -> Result<_, BakeError> {
         let atlas = stages.time(Stage::Unwrap, || match &job.repeat {
@@ -140,7 +141,7 @@ pub fn bake(
         })?;
         Ok((atlas, claims, texels))
     };
-    let ((settings, paths, clusters), surface) = rayon::join(light, surface);
+    let ((settings, bvh, paths, clusters), surface) = rayon::join(light, surface);
     let (atlas, claims, texels) = surface?;
 
     let mut illumination = stages.time(Stage::Upload, || -> Result<_, GpuError> {
@@ -170,7 +171,15 @@ pub fn bake(
         verify(&mut illumination, &state.held)?;
     }
     let lightmap = stages.time(Stage::Resolve, || -> Result<_, GpuError> {
-        let irradiance = illumination.irradiance()?;
+        let mut irradiance = illumination.irradiance()?;
+        for (value, enclosed) in irradiance
+            .iter_mut()
+            .zip(enclosed(scene, &bvh, &texels.list))
+        {
+            if enclosed {
+                *value = [0.0; 3];
+            }
+        }
         {
             let n = (atlas.page_size * atlas.page_size) as usize;
             let mut pages = vec![vec![[0f32; 3]; n]; atlas.pages as usize];
