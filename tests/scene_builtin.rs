@@ -120,6 +120,41 @@ fn every_wall_of_the_furnace_glows_inward() {
     }
 }
 
+/// Within half a percent of the triangles of table 1 in "Incrementally Baked Global Illumination", and with just its lights.
+#[test]
+fn the_large_scenes_have_the_sizes_of_their_models() {
+    for (name, triangles, lights) in [
+        ("museum", 1_012_755.0, 164),
+        ("town-square", 174_720.0, 35),
+        ("warehouse", 349_079.0, 24),
+    ] {
+        let scene = load(name);
+        let count: usize = (0..scene.objects.len() as u32).map(|o| scene.mesh(o).triangles.len()).sum();
+        assert!((count as f64 / triangles - 1.0).abs() < 0.005, "{name}: {count}");
+        assert_eq!(scene.lights.len(), lights, "{name}");
+        assert!(!scene.textures.is_empty() && scene.meshes.len() < scene.objects.len(), "{name}");
+        for mesh in &scene.meshes {
+            assert!(mesh.texcoords[1].is_empty(), "{name}");
+            // Each vertex normal lies on the front side of its triangles, and no triangle is degenerate.
+            let mut flat = 0;
+            for t in &mesh.triangles {
+                let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+                let normal = (b - a).cross(c - a);
+                flat += usize::from(normal.length() < 1e-9);
+                let vertex = t.iter().map(|v| mesh.normals[*v as usize]).sum::<Vec3>();
+                assert!(normal.dot(vertex) >= 0.0 || normal.length() < 1e-6, "{name}, {}", mesh.name);
+            }
+            assert_eq!(flat, 0, "{name}, {}", mesh.name);
+        }
+    }
+}
+
+#[test]
+fn a_scene_is_made_of_the_same_bytes_every_time() {
+    let bytes = || builtin("town-square").unwrap().to_glb().unwrap();
+    assert!(bytes() == bytes());
+}
+
 #[test]
 fn unknown_names_are_answered_with_the_known_ones() {
     for name in [

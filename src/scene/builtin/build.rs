@@ -1,34 +1,28 @@
 //! Assembles a glTF document in memory: the pencil that the built-in scenes are drawn with.
 
-use std::sync::Arc;
+use std::{io::Cursor, sync::Arc};
 
-use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
+use glam::{Mat3, Quat, Vec3};
 use serde_json::{Value, json};
 
-use super::super::{document::Document, json::push, lights::push_light};
-
-/// Triangles on their way into a mesh, counter-clockwise seen from the front.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Shape {
-    /// Metres.
-    pub positions: Vec<Vec3>,
-    /// Unit, one per position.
-    pub normals: Vec<Vec3>,
-    /// One per position, or empty where no texture is used.
-    pub uvs: Vec<Vec2>,
-    /// Indices into `positions`.
-    pub triangles: Vec<[u32; 3]>,
-}
+use super::{
+    super::{
+        document::{Document, EncodedImage, ImageData},
+        json::push,
+        lights::push_light,
+    },
+    shape::{Shape, cos, sin},
+};
 
 /// A document under construction.
-pub(crate) struct Builder {
+pub(super) struct Builder {
     document: Document,
     bin: Vec<u8>,
 }
 
 /// A light's colour and strength: candela or lux.
 #[derive(Clone, Copy)]
-pub(crate) struct Glow {
+pub(super) struct Glow {
     /// Linear RGB, the largest 1.
     pub color: [f32; 3],
     /// Candela (point, spot) or lux (directional).
@@ -76,6 +70,28 @@ impl Builder {
         element["emissiveFactor"] = exact(&color);
         element["extensions"] = json!({ "KHR_materials_emissive_strength": { "emissiveStrength": shortest(strength) } });
         material
+    }
+
+    /// A diffuse material whose albedo is a repeating image of `size` x `size` texels, sRGB; `texel` makes it.
+    pub fn textured(&mut self, name: &str, size: u32, texel: impl Fn(u32, u32) -> [u8; 3]) -> usize {
+        let image = image::RgbImage::from_fn(size, size, |x, y| image::Rgb(texel(x, y)));
+        let mut png = Cursor::new(Vec::new());
+        // Writing to memory cannot fail; without its image the material would be white.
+        let material = self.material(name, [1.0; 3]);
+        if image.write_to(&mut png, image::ImageFormat::Png).is_ok() {
+            let json = &mut self.document.json;
+            let image = push(json, "images", json!({ "name": name, "mimeType": "image/png" }));
+            let texture = push(json, "textures", json!({ "source": image }));
+            json["materials"][material]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": texture });
+            let data = ImageData::Bytes(Arc::new(png.into_inner()));
+            self.document.images.push(EncodedImage { mime: "image/png".into(), data });
+        }
+        material
+    }
+
+    /// Makes a material show and reflect on both sides.
+    pub fn both_sides(&mut self, material: usize) {
+        self.document.json["materials"][material]["doubleSided"] = true.into();
     }
 
     /// Adds a mesh with one primitive per shape and material. Empty shapes are left out.
@@ -203,6 +219,27 @@ impl Builder {
         );
     }
 
+    /// Adds a spot light that aims from `at` to `target`, with half angles in radians, in a fixture (a mesh that points along -Z).
+    pub fn spot(&mut self, name: &str, [at, target]: [Vec3; 2], glow: Glow, [inner, outer]: [f32; 2], fixture: Option<usize>) {
+        let light = json!({
+            "type": "spot", "name": name, "color": exact(&glow.color), "intensity": shortest(glow.intensity),
+            "spot": { "innerConeAngle": shortest(inner), "outerConeAngle": shortest(outer) },
+        });
+        let mut node = json!({
+            "name": name, "translation": exact(&at.to_array()), "rotation": exact(&aim(target - at).to_array()),
+        });
+        if let Some(mesh) = fixture {
+            node["mesh"] = mesh.into();
+        }
+        push_light(&mut self.document, light, node);
+    }
+
+    /// Adds a sun that shines along a direction.
+    pub fn sun(&mut self, name: &str, direction: Vec3, glow: Glow) {
+        let light = json!({ "type": "directional", "name": name, "color": exact(&glow.color), "intensity": shortest(glow.intensity) });
+        push_light(&mut self.document, light, json!({ "name": name, "rotation": exact(&aim(direction).to_array()) }));
+    }
+
     /// Adds a camera that looks from `eye` at `target`; the vertical field of view is in radians.
     pub fn camera(&mut self, name: &str, eye: Vec3, target: Vec3, fov_y: f32) {
         let camera = json!({ "type": "perspective", "name": name, "perspective": { "yfov": shortest(fov_y), "znear": 0.05 } });
@@ -224,94 +261,8 @@ impl Builder {
     }
 }
 
-impl Shape {
-    /// Adds a flat polygon (convex, counter-clockwise seen from the front) as a fan, with its geometric normal.
-    pub fn polygon(&mut self, corners: &[Vec3]) {
-        let first = self.positions.len() as u32;
-        let normal = (corners[1] - corners[0])
-            .cross(corners[2] - corners[0])
-            .normalize();
-        self.positions.extend_from_slice(corners);
-        self.normals.resize(self.positions.len(), normal);
-        self.triangles
-            .extend((1..corners.len() as u32 - 1).map(|i| [first, first + i, first + i + 1]));
-    }
-
-    /// Adds the five faces of a box that stands on the plane y = `low`: what it stands on sees no sixth.
-    pub fn standing_box(&mut self, low: Vec3, high: Vec3) {
-        let corner = |x: bool, y: bool, z: bool| {
-            Vec3::new(
-                if x { high.x } else { low.x },
-                if y { high.y } else { low.y },
-                if z { high.z } else { low.z },
-            )
-        };
-        for face in [
-            [
-                (true, false, true),
-                (true, false, false),
-                (true, true, false),
-                (true, true, true),
-            ],
-            [
-                (false, false, false),
-                (false, false, true),
-                (false, true, true),
-                (false, true, false),
-            ],
-            [
-                (false, true, true),
-                (true, true, true),
-                (true, true, false),
-                (false, true, false),
-            ],
-            [
-                (false, false, true),
-                (true, false, true),
-                (true, true, true),
-                (false, true, true),
-            ],
-            [
-                (true, false, false),
-                (false, false, false),
-                (false, true, false),
-                (true, true, false),
-            ],
-        ] {
-            self.polygon(&face.map(|(x, y, z)| corner(x, y, z)));
-        }
-    }
-
-    /// Turns the front into the back.
-    pub fn inverted(mut self) -> Self {
-        self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-        self.normals.iter_mut().for_each(|n| *n = -*n);
-        self
-    }
-
-    /// The shape moved. The transform must not mirror.
-    pub fn transformed(mut self, transform: Affine3A) -> Self {
-        let normal = Mat3::from(transform.matrix3).inverse().transpose();
-        self.positions
-            .iter_mut()
-            .for_each(|p| *p = transform.transform_point3(*p));
-        self.normals
-            .iter_mut()
-            .for_each(|n| *n = (normal * *n).normalize_or_zero());
-        self
-    }
-
-    fn extent(&self) -> [Vec3; 2] {
-        self.positions
-            .iter()
-            .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[min, max], p| {
-                [min.min(*p), max.max(*p)]
-            })
-    }
-}
-
 /// The rotation that turns -Z to `direction`, with Y as far up as it goes.
-pub(crate) fn aim(direction: Vec3) -> Quat {
+pub(super) fn aim(direction: Vec3) -> Quat {
     let back = -direction.normalize();
     let right = match Vec3::Y.cross(back).normalize_or_zero() {
         Vec3::ZERO => Vec3::X,
@@ -329,4 +280,17 @@ fn shortest(number: f32) -> Value {
     // The shortest decimal of the f32 is a f64 that rounds to it again.
     let decimal: f64 = number.to_string().parse().unwrap_or(f64::from(number));
     json!(decimal)
+}
+
+/// A rotation around Y, in degrees.
+pub(super) fn turned(degrees: f32) -> Quat {
+    let half = degrees.to_radians() / 2.0;
+    Quat::from_xyzw(0.0, sin(half), 0.0, cos(half))
+}
+
+/// A repeatable number between 0 and 1 for a place in a list (PCG output permutation, Jarzynski and Olano 2020).
+pub(super) fn chance(list: u32, item: u32) -> f32 {
+    let state = (item.wrapping_mul(0x9E37_79B9) ^ list.wrapping_mul(0x85EB_CA6B)).wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    ((word >> 22) ^ word) as f32 / u32::MAX as f32
 }

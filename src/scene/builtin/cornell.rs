@@ -1,10 +1,11 @@
 //! The Cornell box (Goral et al. 1984; Cornell University's 1998 data for the albedos), scaled to a 2 m cube with an open front.
 
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, Vec3};
 
 use super::{
     super::Document,
-    build::{Builder, Shape},
+    build::{Builder, turned},
+    shape::Shape,
 };
 
 /// Floor, ceiling and walls face inward and are an object each; the lamp is 0.5 m x 0.5 m, 2 cm below the ceiling, and faces down.
@@ -88,7 +89,7 @@ pub(super) fn cornell() -> Document {
             name,
             mesh,
             Vec3::new(center[0], low, center[1]),
-            Quat::from_rotation_y(degrees.to_radians()),
+            turned(degrees),
             Vec3::ONE,
         );
     }

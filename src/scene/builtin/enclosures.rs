@@ -6,7 +6,8 @@ use glam::Vec3;
 
 use super::{
     super::Document,
-    build::{Builder, Glow, Shape},
+    build::{Builder, Glow},
+    shape::Shape,
 };
 
 /// A sphere of radius 1 m seen from inside, with a point light of 100 cd in its centre.

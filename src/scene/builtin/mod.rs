@@ -5,11 +5,16 @@
 mod build;
 mod cornell;
 mod enclosures;
+mod museum;
+mod sculpture;
+mod shape;
+mod town;
+mod warehouse;
 
 use super::{Document, SceneError};
 
 /// The names that [`builtin`] knows.
-pub const NAMES: [&str; 3] = ["cornell", "integrating-sphere", "furnace"];
+pub const NAMES: [&str; 6] = ["cornell", "integrating-sphere", "furnace", "museum", "town-square", "warehouse"];
 
 /// Makes a built-in scene. `integrating-sphere` and `furnace` take an albedo between 0 and 1 after a dash (`furnace-0.8`); without, it is 0.5.
 ///
@@ -34,6 +39,9 @@ pub fn builtin(name: &str) -> Result<Document, SceneError> {
     }
     match name {
         "cornell" => Ok(cornell::cornell()),
+        "museum" => Ok(museum::museum()),
+        "town-square" => Ok(town::town_square()),
+        "warehouse" => Ok(warehouse::warehouse()),
         _ => Err(SceneError::UnknownBuiltin {
             name: super::error::one_line(name),
             known: NAMES.to_vec(),
