@@ -129,10 +129,18 @@ fn the_large_scenes_have_the_sizes_of_their_models() {
         ("warehouse", 349_079.0, 24),
     ] {
         let scene = load(name);
-        let count: usize = (0..scene.objects.len() as u32).map(|o| scene.mesh(o).triangles.len()).sum();
-        assert!((count as f64 / triangles - 1.0).abs() < 0.005, "{name}: {count}");
+        let count: usize = (0..scene.objects.len() as u32)
+            .map(|o| scene.mesh(o).triangles.len())
+            .sum();
+        assert!(
+            (count as f64 / triangles - 1.0).abs() < 0.005,
+            "{name}: {count}"
+        );
         assert_eq!(scene.lights.len(), lights, "{name}");
-        assert!(!scene.textures.is_empty() && scene.meshes.len() < scene.objects.len(), "{name}");
+        assert!(
+            !scene.textures.is_empty() && scene.meshes.len() < scene.objects.len(),
+            "{name}"
+        );
         for mesh in &scene.meshes {
             assert!(mesh.texcoords[1].is_empty(), "{name}");
             // Each vertex normal lies on the front side of its triangles, and no triangle is degenerate.
@@ -142,7 +150,11 @@ fn the_large_scenes_have_the_sizes_of_their_models() {
                 let normal = (b - a).cross(c - a);
                 flat += usize::from(normal.length() < 1e-9);
                 let vertex = t.iter().map(|v| mesh.normals[*v as usize]).sum::<Vec3>();
-                assert!(normal.dot(vertex) >= 0.0 || normal.length() < 1e-6, "{name}, {}", mesh.name);
+                assert!(
+                    normal.dot(vertex) >= 0.0 || normal.length() < 1e-6,
+                    "{name}, {}",
+                    mesh.name
+                );
             }
             assert_eq!(flat, 0, "{name}, {}", mesh.name);
         }

@@ -11,7 +11,8 @@ use super::{
         json::push,
         lights::push_light,
     },
-    shape::{Shape, cos, sin},
+    shape::Shape,
+    turning::{cos, sin},
 };
 
 /// A document under construction.
@@ -73,18 +74,31 @@ impl Builder {
     }
 
     /// A diffuse material whose albedo is a repeating image of `size` x `size` texels, sRGB; `texel` makes it.
-    pub fn textured(&mut self, name: &str, size: u32, texel: impl Fn(u32, u32) -> [u8; 3]) -> usize {
+    pub fn textured(
+        &mut self,
+        name: &str,
+        size: u32,
+        texel: impl Fn(u32, u32) -> [u8; 3],
+    ) -> usize {
         let image = image::RgbImage::from_fn(size, size, |x, y| image::Rgb(texel(x, y)));
         let mut png = Cursor::new(Vec::new());
         // Writing to memory cannot fail; without its image the material would be white.
         let material = self.material(name, [1.0; 3]);
         if image.write_to(&mut png, image::ImageFormat::Png).is_ok() {
             let json = &mut self.document.json;
-            let image = push(json, "images", json!({ "name": name, "mimeType": "image/png" }));
+            let image = push(
+                json,
+                "images",
+                json!({ "name": name, "mimeType": "image/png" }),
+            );
             let texture = push(json, "textures", json!({ "source": image }));
-            json["materials"][material]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": texture });
+            json["materials"][material]["pbrMetallicRoughness"]["baseColorTexture"] =
+                json!({ "index": texture });
             let data = ImageData::Bytes(Arc::new(png.into_inner()));
-            self.document.images.push(EncodedImage { mime: "image/png".into(), data });
+            self.document.images.push(EncodedImage {
+                mime: "image/png".into(),
+                data,
+            });
         }
         material
     }
@@ -220,7 +234,14 @@ impl Builder {
     }
 
     /// Adds a spot light that aims from `at` to `target`, with half angles in radians, in a fixture (a mesh that points along -Z).
-    pub fn spot(&mut self, name: &str, [at, target]: [Vec3; 2], glow: Glow, [inner, outer]: [f32; 2], fixture: Option<usize>) {
+    pub fn spot(
+        &mut self,
+        name: &str,
+        [at, target]: [Vec3; 2],
+        glow: Glow,
+        [inner, outer]: [f32; 2],
+        fixture: Option<usize>,
+    ) {
         let light = json!({
             "type": "spot", "name": name, "color": exact(&glow.color), "intensity": shortest(glow.intensity),
             "spot": { "innerConeAngle": shortest(inner), "outerConeAngle": shortest(outer) },
@@ -237,7 +258,11 @@ impl Builder {
     /// Adds a sun that shines along a direction.
     pub fn sun(&mut self, name: &str, direction: Vec3, glow: Glow) {
         let light = json!({ "type": "directional", "name": name, "color": exact(&glow.color), "intensity": shortest(glow.intensity) });
-        push_light(&mut self.document, light, json!({ "name": name, "rotation": exact(&aim(direction).to_array()) }));
+        push_light(
+            &mut self.document,
+            light,
+            json!({ "name": name, "rotation": exact(&aim(direction).to_array()) }),
+        );
     }
 
     /// Adds a camera that looks from `eye` at `target`; the vertical field of view is in radians.
@@ -290,7 +315,9 @@ pub(super) fn turned(degrees: f32) -> Quat {
 
 /// A repeatable number between 0 and 1 for a place in a list (PCG output permutation, Jarzynski and Olano 2020).
 pub(super) fn chance(list: u32, item: u32) -> f32 {
-    let state = (item.wrapping_mul(0x9E37_79B9) ^ list.wrapping_mul(0x85EB_CA6B)).wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let state = (item.wrapping_mul(0x9E37_79B9) ^ list.wrapping_mul(0x85EB_CA6B))
+        .wrapping_mul(747_796_405)
+        .wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
     ((word >> 22) ^ word) as f32 / u32::MAX as f32
 }

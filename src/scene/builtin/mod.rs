@@ -5,16 +5,25 @@
 mod build;
 mod cornell;
 mod enclosures;
+mod masonry;
 mod museum;
 mod sculpture;
 mod shape;
 mod town;
+mod turning;
 mod warehouse;
 
 use super::{Document, SceneError};
 
 /// The names that [`builtin`] knows.
-pub const NAMES: [&str; 6] = ["cornell", "integrating-sphere", "furnace", "museum", "town-square", "warehouse"];
+pub const NAMES: [&str; 6] = [
+    "cornell",
+    "integrating-sphere",
+    "furnace",
+    "museum",
+    "town-square",
+    "warehouse",
+];
 
 /// Makes a built-in scene. `integrating-sphere` and `furnace` take an albedo between 0 and 1 after a dash (`furnace-0.8`); without, it is 0.5.
 ///
