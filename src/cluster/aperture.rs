@@ -2,18 +2,14 @@
 //! halved along their longest extent as far as the balancing metric may want to go.
 
 use std::collections::BTreeMap;
-use std::f32::consts::PI;
 
-use arrayvec::ArrayVec;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
+use super::facet::{Facet, extent, facet_lights, merge};
 use super::octree::FluxScale;
-use super::polygon::{MAX_VERTICES, Plane, area, centroid, clip, simplify_outwards, vertices};
-use super::similarity::by_direction;
 use super::{Shape, VirtualLight};
 use crate::scene::{Aperture, Scene};
-use crate::transport::bvh::offset;
-use crate::transport::emission::{Emitter, Piece, convex_hull, mean};
+use crate::transport::emission::{Emitter, Piece, mean};
 use crate::transport::paths::LightPaths;
 
 /// A facet with fewer paths than this is not cut further: its key would be noise.
@@ -23,85 +19,11 @@ const MAX_CUTS: u32 = 10;
 /// Direct light is sharper than bounced light, and errors in it are seen first: its keys count this much more.
 const DIRECT_WEIGHT: f32 = 4.0;
 
-/// One side of a convex planar part of an aperture, with constant radiance.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Facet {
-    /// World space, counter-clockwise around the normal.
-    pub vertices: ArrayVec<Vec3, MAX_VERTICES>,
-    /// Unit length.
-    pub normal: Vec3,
-    /// cd/m².
-    pub radiance: Vec3,
-}
-
-impl Facet {
-    fn plane(&self) -> Plane {
-        Plane::new(self.vertices[0], self.normal)
-    }
-
-    fn outline(&self) -> Vec<Vec2> {
-        let plane = self.plane();
-        self.vertices.iter().map(|&v| plane.project(v)).collect()
-    }
-
-    fn area(&self) -> f32 {
-        area(&self.outline())
-    }
-
-    fn center(&self) -> Vec3 {
-        self.plane().lift(centroid(&self.outline()))
-    }
-
-    /// Lumens.
-    fn flux(&self) -> Vec3 {
-        self.radiance * (PI * self.area())
-    }
-
-    /// Halves at the middle of the longer of the extents along and across the longest edge; the plane of the cut is the second
-    /// result: points with `p . normal <= offset` are in the first half.
-    fn halves(&self) -> Option<([Facet; 2], (Vec3, f32))> {
-        let n = self.vertices.len();
-        let edges = (0..n).map(|i| self.vertices[(i + 1) % n] - self.vertices[i]);
-        let along = edges
-            .fold(Vec3::ZERO, |a, b| {
-                if b.length_squared() > a.length_squared() {
-                    b
-                } else {
-                    a
-                }
-            })
-            .try_normalize()?;
-        let (lo, hi, axis) = [along, self.normal.cross(along)]
-            .map(|axis| {
-                let heights = self.vertices.iter().map(|v| v.dot(axis));
-                (
-                    heights.clone().fold(f32::MAX, f32::min),
-                    heights.fold(f32::MIN, f32::max),
-                    axis,
-                )
-            })
-            .into_iter()
-            .reduce(|a, b| if b.1 - b.0 > a.1 - a.0 { b } else { a })?;
-        let middle = (lo + hi) * 0.5;
-        let plane = self.plane();
-        let direction = plane.project(plane.origin + axis);
-        let level = middle - plane.origin.dot(axis);
-        let part = |sign: f32| {
-            let outline = clip(&self.outline(), direction * sign, level * sign);
-            (outline.len() <= MAX_VERTICES).then_some(())?;
-            Some(Facet {
-                vertices: vertices(&plane, outline)?,
-                ..*self
-            })
-        };
-        Some(([part(1.0)?, part(-1.0)?], (axis, middle)))
-    }
-}
-
 /// A node of an aperture's tree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ApertureNode {
     key: u64,
+    contribution: u64,
     facets: Vec<Facet>,
     children: Vec<ApertureNode>,
 }
@@ -134,6 +56,7 @@ impl ApertureTree {
     ) -> Self {
         let leaf = ApertureNode {
             key: 0,
+            contribution: 0,
             facets: Vec::new(),
             children: Vec::new(),
         };
@@ -148,13 +71,12 @@ impl ApertureTree {
         // The back sides of double-sided facets come after all fronts.
         let mut sides = facets.clone();
         let mut index_of_back = BTreeMap::new();
+        let mut double_sided = vec![false; facets.len()];
+        for (piece, &facet) in emitter.pieces().iter().zip(&of_piece) {
+            double_sided[facet as usize] = piece.double_sided;
+        }
         for (i, facet) in facets.iter().enumerate() {
-            if emitter
-                .pieces()
-                .iter()
-                .zip(&of_piece)
-                .any(|(p, &f)| f as usize == i && p.double_sided)
-            {
+            if double_sided[i] {
                 index_of_back.insert(i as u32, sides.len() as u32);
                 let vertices = facet.vertices.iter().rev().copied().collect();
                 sides.push(Facet {
@@ -217,6 +139,11 @@ impl ApertureNode {
         self.key
     }
 
+    /// Flux times albedo met, the key of an aperture without end, in units of [`FluxScale`].
+    pub fn contribution(&self) -> u64 {
+        self.contribution
+    }
+
     /// Number of parts, 0 or 2.
     pub fn parts(&self) -> usize {
         self.children.len()
@@ -231,14 +158,15 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    fn key(&self, starts: &[Start], radius: f64) -> u64 {
-        starts
-            .iter()
-            .map(|s| {
-                self.scale
-                    .key(self.weight, s.albedo, f64::from(s.distance) / radius)
-            })
-            .sum()
+    /// Key and contribution.
+    fn weigh(&self, starts: &[Start], radius: f64) -> [u64; 2] {
+        let sum = |near: &dyn Fn(&Start) -> f64| {
+            starts
+                .iter()
+                .map(|s| self.scale.key(self.weight, s.albedo, near(s)))
+                .sum()
+        };
+        [sum(&|s| f64::from(s.distance) / radius), sum(&|_| 0.0)]
     }
 
     /// Several facets: halves at the middle of their centres along the major extent.
@@ -252,13 +180,13 @@ impl Builder<'_> {
         if let [facet] = facets[..] {
             return self.piece(self.sides[facet as usize].clone(), starts, radius, MAX_CUTS);
         }
-        let radius = half_extent(
+        let radius = extent(
             facets
                 .iter()
                 .flat_map(|&f| &self.sides[f as usize].vertices),
         )
         .min(radius);
-        let key = self.key(&starts, radius);
+        let [key, contribution] = self.weigh(&starts, radius);
         let centers: Vec<Vec3> = facets
             .iter()
             .map(|&f| self.sides[f as usize].center())
@@ -284,6 +212,7 @@ impl Builder<'_> {
         if facets.is_empty() || starts.len() < MIN_PATHS {
             return ApertureNode {
                 key,
+                contribution,
                 facets: content,
                 children: Vec::new(),
             };
@@ -294,14 +223,15 @@ impl Builder<'_> {
         let children = vec![self.node(first, a, radius), self.node(second, b, radius)];
         ApertureNode {
             key,
+            contribution,
             facets: content,
             children,
         }
     }
 
     fn piece(&self, facet: Facet, starts: Vec<Start>, radius: f64, cuts: u32) -> ApertureNode {
-        let radius = half_extent(facet.vertices.iter()).min(radius);
-        let key = self.key(&starts, radius);
+        let radius = extent(facet.vertices.iter()).min(radius);
+        let [key, contribution] = self.weigh(&starts, radius);
         let mut children = Vec::new();
         if cuts > 0
             && starts.len() >= MIN_PATHS
@@ -317,16 +247,11 @@ impl Builder<'_> {
         }
         ApertureNode {
             key,
+            contribution,
             facets: vec![facet],
             children,
         }
     }
-}
-
-fn half_extent<'a>(points: impl Iterator<Item = &'a Vec3> + Clone) -> f64 {
-    let lo = points.clone().fold(Vec3::INFINITY, |a, &b| a.min(b));
-    let hi = points.fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
-    f64::from((hi - lo).max_element().max(f32::MIN_POSITIVE)) * 0.5
 }
 
 /// Points, spots and suns are one light each.
@@ -379,199 +304,164 @@ fn link(
     starts.collect()
 }
 
-/// Joins coplanar neighbours of equal radiance to convex facets of at most eight vertices; also returns each piece's facet.
-fn merge(pieces: &[Piece]) -> (Vec<Facet>, Vec<u32>) {
-    let mut loops: Vec<Option<Vec<Vec3>>> = pieces
-        .iter()
-        .map(|p| {
-            let [a, b, c] = p.corners;
-            Some(if (b - a).cross(c - a).dot(p.normal) > 0.0 {
-                vec![a, b, c]
-            } else {
-                vec![a, c, b]
-            })
-        })
-        .collect();
-    let mut owner: Vec<u32> = (0..pieces.len() as u32).collect();
-    let id = |v: Vec3| v.to_array().map(f32::to_bits);
-    let mut edges = BTreeMap::new();
-    for (i, outline) in loops.iter().enumerate() {
-        for (a, b) in sides(outline.as_deref().unwrap_or_default()) {
-            edges.insert((id(a), id(b)), i);
-        }
-    }
-    for i in 0..pieces.len() {
-        while let Some(outline) = loops[i].clone() {
-            let joined = sides(&outline).find_map(|(a, b)| {
-                let &other = edges.get(&(id(b), id(a)))?;
-                let same = other != i
-                    && pieces[i].radiance == pieces[other].radiance
-                    && pieces[i].double_sided == pieces[other].double_sided
-                    && pieces[i].normal.dot(pieces[other].normal) > 0.999_999;
-                let merged = same.then(|| {
-                    splice(&outline, loops[other].as_deref()?, (a, b), pieces[i].normal)
-                })??;
-                Some((other, merged))
-            });
-            let Some((other, merged)) = joined else { break };
-            for (a, b) in sides(loops[other].as_deref().unwrap_or_default()) {
-                edges.remove(&(id(a), id(b)));
-            }
-            for (a, b) in sides(&outline) {
-                edges.remove(&(id(a), id(b)));
-            }
-            for (a, b) in sides(&merged) {
-                edges.insert((id(a), id(b)), i);
-            }
-            owner
-                .iter_mut()
-                .filter(|o| **o == other as u32)
-                .for_each(|o| *o = i as u32);
-            loops[i] = Some(merged);
-            loops[other] = None;
-        }
-    }
-    let mut facets = Vec::new();
-    let mut place = vec![0; pieces.len()];
-    for (i, outline) in loops.into_iter().enumerate() {
-        if let Some(outline) = outline {
-            place[i] = facets.len() as u32;
-            facets.push(Facet {
-                vertices: outline.into_iter().collect(),
-                normal: pieces[i].normal,
-                radiance: pieces[i].radiance,
-            });
-        }
-    }
-    (facets, owner.iter().map(|&o| place[o as usize]).collect())
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster::Shape;
+    use crate::scene::Material;
+    use crate::transport::bvh::SceneBvh;
+    use crate::transport::paths::{PathSettings, trace};
+    use crate::transport::testing::{add_quads, box_quads, light, material, quad, room};
+    use glam::Affine3A;
 
-fn sides(outline: &[Vec3]) -> impl Iterator<Item = (Vec3, Vec3)> {
-    (0..outline.len()).map(|i| (outline[i], outline[(i + 1) % outline.len()]))
-}
+    fn tree(quads: &[[Vec3; 4]], material: Material) -> (ApertureTree, Emitter) {
+        let mut scene = room(0.5);
+        add_quads(&mut scene, quads, material);
+        let bvh = SceneBvh::build(&scene);
+        let settings = PathSettings::for_paths(&scene, 2000);
+        let paths = trace(&scene, &bvh, &settings);
+        let emitter = Emitter::new(&scene, 0);
+        let scale = FluxScale::new(settings.flux_per_path);
+        (
+            ApertureTree::new(&scene, 0, &emitter, &paths.lights[0], &scale),
+            emitter,
+        )
+    }
 
-/// Two outlines joined along an edge of the first, if that is convex and small enough.
-fn splice(first: &[Vec3], second: &[Vec3], edge: (Vec3, Vec3), normal: Vec3) -> Option<Vec<Vec3>> {
-    let (n, m) = (first.len(), second.len());
-    let i = (0..n).find(|&i| first[i] == edge.0 && first[(i + 1) % n] == edge.1)?;
-    let j = (0..m).find(|&j| second[j] == edge.1 && second[(j + 1) % m] == edge.0)?;
-    // From the edge's end around the first outline to its start, then around the second, whose ends are the same two.
-    let around = (1..=n).map(|k| first[(i + k) % n]);
-    let mut outline: Vec<Vec3> = around.chain((2..m).map(|k| second[(j + k) % m])).collect();
-    loop {
-        let count = outline.len();
-        let turn = |k: usize| {
-            let (u, v) = (
-                outline[k] - outline[(k + count - 1) % count],
-                outline[(k + 1) % count] - outline[k],
-            );
-            u.cross(v).dot(normal) / (u.length() * v.length()).max(f32::MIN_POSITIVE)
-        };
-        if (0..count).any(|k| turn(k) < -1e-5)
-            || outline
-                .iter()
-                .any(|p| (*p - first[0]).dot(normal).abs() > 1e-4 * first[0].distance(*p))
-        {
-            return None;
-        }
-        match (0..count).find(|&k| turn(k) < 1e-5) {
-            Some(straight) if count > 3 => outline.remove(straight),
-            _ => break,
-        };
+    fn lamp(double_sided: bool) -> Material {
+        material(Vec3::ZERO, Vec3::new(3.0, 2.0, 1.0), double_sided)
     }
-    (outline.len() <= MAX_VERTICES).then_some(outline)
-}
 
-fn facet_lights(facets: &[Facet], k: usize) -> Vec<VirtualLight> {
-    if facets.is_empty() {
-        return Vec::new();
-    }
-    if let Some(light) = one_polygon(facets) {
-        return vec![light];
-    }
-    let items: Vec<(Vec3, f32)> = facets.iter().map(|f| (f.normal, mean(f.flux()))).collect();
-    by_direction(&items, k)
-        .into_iter()
-        .map(|group| {
-            let group: Vec<Facet> = group.into_iter().map(|i| facets[i].clone()).collect();
-            one_polygon(&group).unwrap_or_else(|| disk(&group))
-        })
-        .collect()
-}
-
-/// The polygon that facets of one plane fill, if they do.
-fn one_polygon(facets: &[Facet]) -> Option<VirtualLight> {
-    let plane = facets[0].plane();
-    let reach = half_extent(facets.iter().flat_map(|f| &f.vertices)) as f32;
-    let coplanar = facets.iter().all(|f| {
-        f.normal.dot(plane.normal) > 0.999_99
-            && f.vertices
-                .iter()
-                .all(|&v| plane.height(v).abs() <= 1e-3 * reach)
-    });
-    if !coplanar {
-        return None;
-    }
-    let outline = if facets.len() == 1 {
-        facets[0].outline()
-    } else {
-        let hull = convex_hull(
-            facets
-                .iter()
-                .flat_map(|f| &f.vertices)
-                .map(|&v| plane.project(v))
-                .collect(),
+    /// Every node's lights carry its exact flux, its parts' as well, and keys fall.
+    fn check(tree: &ApertureTree, path: u64, flux: Vec3) -> usize {
+        let node = tree.node(path).expect("a node");
+        let sum = |path: u64| tree.lights(path, 4).iter().map(|l| l.flux).sum::<Vec3>();
+        assert!(
+            (sum(path) - flux).abs().max_element() < 1e-4 * flux.x,
+            "{path:b}: {} {flux}",
+            sum(path)
         );
-        let outline = simplify_outwards(hull, MAX_VERTICES);
-        let filled: f32 = facets.iter().map(Facet::area).sum();
-        if filled < 0.99 * area(&outline) {
-            return None;
+        if node.parts() == 0 {
+            return 1;
         }
-        outline
-    };
-    let center = plane.lift(centroid(&outline));
-    Some(VirtualLight {
-        shape: Shape::Polygon {
-            vertices: vertices(&plane, outline)?,
-        },
-        position: offset(center, plane.normal),
-        normal: plane.normal,
-        flux: facets.iter().map(Facet::flux).sum(),
-        direct: true,
-    })
-}
-
-/// A disk at the facet nearest to the centre of flux, of the facets' area as its normal sees it.
-fn disk(facets: &[Facet]) -> VirtualLight {
-    let total: f32 = facets.iter().map(|f| mean(f.flux())).sum();
-    let average = |of: &dyn Fn(&Facet) -> Vec3| {
-        facets
+        let parts = [path << 1, path << 1 | 1];
+        assert!(
+            (parts.map(sum).iter().sum::<Vec3>() - flux)
+                .abs()
+                .max_element()
+                < 1e-4 * flux.x
+        );
+        parts
             .iter()
-            .map(|f| of(f) * (mean(f.flux()) / total))
-            .sum::<Vec3>()
-    };
-    let center = average(&Facet::center);
-    let distance = |f: &Facet| f.center().distance_squared(center);
-    let nearest = facets.iter().fold(&facets[0], |best, f| {
-        if distance(f) < distance(best) {
-            f
-        } else {
-            best
+            .map(|&p| {
+                assert!(tree.node(p).expect("a part").key() <= node.key());
+                check(tree, p, sum(p))
+            })
+            .sum()
+    }
+
+    #[test]
+    fn a_rectangle_is_one_polygon_and_splits_into_rectangles() {
+        let (tree, emitter) = tree(
+            &[quad(Vec3::new(-0.5, 0.9, -0.1), Vec3::X, Vec3::Z * 0.2)],
+            lamp(false),
+        );
+        let root = tree.lights(1, 4);
+        let [
+            VirtualLight {
+                shape: Shape::Polygon { vertices },
+                ..
+            },
+        ] = &root[..]
+        else {
+            panic!("{root:?}")
+        };
+        assert_eq!(vertices.len(), 4);
+        assert!(check(&tree, 1, emitter.flux) > 16);
+        for path in [0b10, 0b111, 0b10101] {
+            let [
+                VirtualLight {
+                    shape: Shape::Polygon { vertices },
+                    normal,
+                    direct: true,
+                    ..
+                },
+            ] = &tree.lights(path, 4)[..]
+            else {
+                panic!("not one polygon");
+            };
+            assert!(vertices.len() == 4 && normal.y < -0.99);
         }
-    });
-    let normal = average(&|f| f.normal)
-        .try_normalize()
-        .unwrap_or(nearest.normal);
-    VirtualLight {
-        shape: Shape::Disk {
-            area: facets
-                .iter()
-                .map(|f| f.area() * f.normal.dot(normal).max(0.0))
-                .sum(),
-        },
-        position: offset(nearest.center(), nearest.normal),
-        normal,
-        flux: facets.iter().map(Facet::flux).sum(),
-        direct: true,
+        assert!(tree.node(1 << 20).is_none() && tree.lights(1 << 20, 4).is_empty());
+    }
+
+    #[test]
+    fn boxes_and_two_sides_keep_their_flux() {
+        let crate_ = box_quads(Vec3::splat(-0.2), Vec3::splat(0.2), false);
+        let (faces, emitter) = tree(&crate_, lamp(false));
+        assert_eq!(faces.root.facets.len(), 6);
+        check(&faces, 1, emitter.flux);
+        assert!(faces.lights(1, 4).len() <= 4);
+        let (both, emitter) = tree(
+            &[quad(Vec3::ZERO, Vec3::X * 0.5, Vec3::Y * 0.5)],
+            lamp(true),
+        );
+        check(&both, 1, emitter.flux);
+        let normals: Vec<Vec3> = both.lights(1, 4).iter().map(|l| l.normal).collect();
+        assert_eq!(normals, [Vec3::Z, -Vec3::Z]);
+    }
+
+    #[test]
+    fn grids_merge_and_notches_stay() {
+        let tile = |x: u32, y: u32| {
+            quad(
+                Vec3::new(x as f32 * 0.25, y as f32 * 0.25, 0.0),
+                Vec3::X * 0.25,
+                Vec3::Y * 0.25,
+            )
+        };
+        let grid: Vec<_> = (0..9).map(|i| tile(i % 3, i / 3)).collect();
+        assert_eq!(tree(&grid, lamp(false)).0.root.facets.len(), 1);
+        let notched: Vec<_> = (0..8).map(|i| tile(i % 3, i / 3)).collect();
+        let (notched, emitter) = tree(&notched, lamp(false));
+        assert_eq!(notched.root.facets.len(), 2);
+        check(&notched, 1, emitter.flux);
+    }
+
+    #[test]
+    fn punctual_lights_are_themselves() {
+        let mut scene = room(0.5);
+        let aim = Affine3A::from_rotation_x(-1.0);
+        scene.lights.push(light(
+            Aperture::Spot {
+                inner: 0.1,
+                outer: 0.2,
+            },
+            Vec3::new(1.0, 2.0, 3.0),
+            aim,
+        ));
+        let emitter = Emitter::new(&scene, 0);
+        let tree = ApertureTree::new(
+            &scene,
+            0,
+            &emitter,
+            &LightPaths::default(),
+            &FluxScale::new(1.0),
+        );
+        let [spot] = &tree.lights(1, 4)[..] else {
+            panic!("not one light")
+        };
+        assert_eq!(
+            (&spot.shape, spot.flux),
+            (
+                &Shape::Spot {
+                    inner: 0.1,
+                    outer: 0.2
+                },
+                Vec3::new(1.0, 2.0, 3.0)
+            )
+        );
+        assert!((spot.normal - aim.transform_vector3(Vec3::NEG_Z)).length() < 1e-6);
+        assert_eq!(tree.node(1).map(|n| (n.key(), n.parts())), Some((0, 0)));
     }
 }

@@ -253,3 +253,109 @@ impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeMap;
+
+    /// Nodes by name; a name's digits to base 9 (1 to 8) are the way from the root.
+    #[derive(Clone, Debug, Default)]
+    struct Trees(BTreeMap<u64, u64>);
+
+    impl Trees {
+        /// Every entry is a leaf's name and key; inner keys are a multiple of the sum of their parts', ties included.
+        fn new(leaves: &[(Vec<u8>, u64)]) -> Self {
+            let mut trees = Self::default();
+            for (way, key) in leaves {
+                let mut name = 0;
+                for &step in way {
+                    name = name * 9 + 1 + u64::from(step % 8);
+                    *trees.0.entry(name).or_default() += key;
+                }
+            }
+            trees
+        }
+    }
+
+    impl Forest for Trees {
+        type Id = u64;
+        fn roots(&self) -> Vec<u64> {
+            (1..9).filter(|n| self.0.contains_key(n)).collect()
+        }
+        fn children(&self, id: &u64) -> Vec<u64> {
+            (1..9)
+                .map(|d| id * 9 + d)
+                .filter(|n| self.0.contains_key(n))
+                .collect()
+        }
+        fn parent(&self, id: &u64) -> Option<u64> {
+            (*id > 8).then_some((id - 1) / 9)
+        }
+        fn key(&self, id: &u64) -> u64 {
+            self.0.get(id).copied().unwrap_or(0)
+        }
+        fn depth(&self, id: &u64) -> u32 {
+            self.parent(id).map_or(0, |p| 1 + self.depth(&p))
+        }
+        fn scale(&self) -> f64 {
+            1000.0
+        }
+    }
+
+    fn trees() -> impl Strategy<Value = Trees> {
+        let leaf = (prop::collection::vec(0u8..8, 1..6), 0u64..20);
+        prop::collection::vec(leaf, 1..60).prop_map(|l| Trees::new(&l))
+    }
+
+    fn budget() -> impl Strategy<Value = Budget> {
+        prop_oneof![
+            (0usize..80).prop_map(Budget::Cells),
+            (0.001f64..0.3).prop_map(|error| Budget::Auto { error })
+        ]
+    }
+
+    fn run(balancer: &mut Balancer<u64>, trees: &Trees, budget: Budget) {
+        for _ in 0..2000 {
+            if balancer.step(trees, budget).is_none() {
+                return;
+            }
+        }
+        panic!("no fixed point");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+        #[test]
+        fn every_way_ends_at_the_same_cut(a in trees(), b in trees(), first in budget(), second in budget()) {
+            // Balanced for one forest and budget, then brought to another.
+            let mut balancer = Balancer::new(&a);
+            run(&mut balancer, &a, first);
+            let direct = select(&a, first);
+            prop_assert_eq!(balancer.cells().copied().collect::<Vec<_>>(), direct.cells);
+            prop_assert_eq!(balancer.error(&a), direct.error);
+            balancer.update(&b);
+            run(&mut balancer, &b, second);
+            prop_assert_eq!(balancer.cells().copied().collect::<Vec<_>>(), select(&b, second).cells);
+        }
+
+        #[test]
+        fn a_cut_covers_every_leaf_once_and_is_a_threshold(trees in trees(), budget in budget()) {
+            let cut = select(&trees, budget);
+            let above = |id: &u64| std::iter::successors(Some(*id), |i| trees.parent(i));
+            for leaf in trees.0.keys().filter(|id| trees.children(id).is_empty()) {
+                prop_assert_eq!(above(leaf).filter(|a| cut.cells.contains(a)).count(), 1);
+            }
+            let refinable = cut.cells.iter().filter(|c| !trees.children(c).is_empty());
+            let largest = refinable.map(|&c| priority(&trees, c)).max();
+            let refined: BTreeSet<u64> = cut.cells.iter().flat_map(|c| above(c).skip(1)).collect();
+            let smallest = refined.iter().map(|&c| priority(&trees, c)).min();
+            prop_assert!(largest.is_none() || smallest.is_none() || largest < smallest);
+            match budget {
+                Budget::Cells(n) => prop_assert!(largest.is_none() || (cut.cells.len() >= n && cut.cells.len() < n.max(9) + 8)),
+                Budget::Auto { error } => prop_assert!(largest.is_none() || cut.error <= error),
+            }
+        }
+    }
+}

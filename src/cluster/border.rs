@@ -83,3 +83,65 @@ fn neighbours<'a>(
         (found != cell).then_some((found, distance.max(0.0)))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::sampling::Sequence;
+    use crate::transport::{Scatter, Vpl, VplKey};
+
+    fn floor_vpl(path: u32, position: Vec3) -> Vpl {
+        let key = VplKey {
+            light: 0,
+            path,
+            bounce: 0,
+        };
+        let scatter = Scatter {
+            distance: 1.0,
+            albedo: 0.5,
+        };
+        Vpl {
+            key,
+            position,
+            normal: Vec3::Y,
+            flux: Vec3::ONE,
+            object: 0,
+            scatter,
+        }
+    }
+
+    #[test]
+    fn strays_beside_a_face_join_the_polygon_behind_it() {
+        let cell = Cell::at(Vec3::ONE, 10);
+        let [lo, hi] = cell.bounds();
+        let beside = Cell {
+            index: [cell.index[0] + 1, cell.index[1], cell.index[2]],
+            ..cell
+        };
+        let sequence = Sequence::new(1, 0);
+        let floor = (0..60).map(|i| {
+            let [u, v, ..] = sequence.sample(i, 0);
+            floor_vpl(i, Vec3::new(lo.x + u, lo.y + 0.3, lo.z + v))
+        });
+        let settings = SimilaritySettings::default();
+        // Over the face by a little, by far, and by a little on another height.
+        let strays = [(0.03, 0.3), (0.6, 0.3), (0.03, 0.5)]
+            .iter()
+            .zip(60..)
+            .map(|(&(dx, dy), i)| floor_vpl(i, Vec3::new(hi.x + dx, lo.y + dy, lo.z + 0.5)));
+        let groups = vec![
+            (cell, Groups::new(cell, floor.collect(), &settings)),
+            (beside, Groups::new(beside, strays.collect(), &settings)),
+        ];
+        let joined = join(groups, &settings);
+        assert_eq!(
+            joined[&cell].planes[0]
+                .joined
+                .iter()
+                .map(|v| v.key.path)
+                .collect::<Vec<_>>(),
+            [60]
+        );
+        assert_eq!(joined[&beside].rest, [1, 2]);
+    }
+}

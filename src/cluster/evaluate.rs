@@ -95,3 +95,77 @@ fn polygon_factor(vertices: &[Vec3], light_normal: Vec3, position: Vec3, normal:
     // Counter-clockwise around the light's normal is clockwise as the point sees it.
     (-sum).max(0.0) / (2.0 * PI * area.length().max(f32::MIN_POSITIVE))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::sampling::Sequence;
+
+    fn square(half: f32) -> VirtualLight {
+        let corners = [(-half, -half), (half, -half), (half, half), (-half, half)];
+        VirtualLight {
+            shape: Shape::Polygon {
+                vertices: corners.iter().map(|&(x, z)| Vec3::new(x, 1.0, z)).collect(),
+            },
+            position: Vec3::Y,
+            normal: Vec3::NEG_Y,
+            flux: Vec3::ONE,
+            direct: true,
+        }
+    }
+
+    #[test]
+    fn polygons_equal_the_sum_of_their_points() {
+        let light = square(0.8);
+        let sequence = Sequence::new(0, 0);
+        // Facing it, tilted, with the horizon through the light, beside it, and turned away.
+        let receivers = [
+            (Vec3::ZERO, Vec3::Y),
+            (Vec3::new(0.5, 0.2, -0.3), Vec3::new(0.6, 0.8, 0.0)),
+            (Vec3::new(0.1, 0.3, 0.2), Vec3::X),
+            (Vec3::new(3.0, 0.0, 1.0), Vec3::new(-0.8, 0.6, 0.0)),
+            (Vec3::ZERO, Vec3::NEG_Y),
+        ];
+        for (p, n) in receivers {
+            let samples = 16_384;
+            let sum: f32 = (0..samples)
+                .map(|i| {
+                    let [u, v, ..] = sequence.sample(i, 0);
+                    let to = Vec3::new(1.6 * u - 0.8, 1.0, 1.6 * v - 0.8) - p;
+                    let d2 = to.length_squared();
+                    n.dot(to).max(0.0) * to.y.max(0.0) / (PI * d2 * d2)
+                })
+                .sum();
+            let exact = sum / samples as f32;
+            let found = unoccluded(&light, p, n).x;
+            assert!(
+                (found - exact).abs() <= 2e-3 * exact,
+                "{p} {n}: {found} {exact}"
+            );
+        }
+        assert_eq!(
+            unoccluded(&light, Vec3::Y * 2.0, Vec3::NEG_Y),
+            Vec3::ZERO,
+            "its back is dark"
+        );
+    }
+
+    #[test]
+    fn far_shapes_agree() {
+        let polygon = square(0.1);
+        let disk = VirtualLight {
+            shape: Shape::Disk { area: 0.04 },
+            ..polygon.clone()
+        };
+        let (p, n) = (Vec3::new(2.0, -9.0, 1.0), Vec3::new(0.0, 0.8, 0.6));
+        let [a, b] = [&polygon, &disk].map(|l| unoccluded(l, p, n).x);
+        assert!((a / b - 1.0).abs() < 1e-3 && a > 0.0);
+        let sun = VirtualLight {
+            shape: Shape::Directional {
+                frame: glam::Affine3A::IDENTITY,
+            },
+            ..polygon
+        };
+        assert!((unoccluded(&sun, p, n).x - 0.8).abs() < 1e-6);
+    }
+}

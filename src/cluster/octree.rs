@@ -130,8 +130,10 @@ pub struct Sums {
     pub hits: u32,
     /// Units of [`FluxScale`], RGB.
     pub flux: [i64; 3],
+    /// What of the flux lights a surface up again, flux times albedo met: the key of a cell without end (IBGI equation 4).
+    pub contribution: u64,
     /// The balancing metric B (IBGI equations 3 to 6) made additive: the sum over the VPLs of flux times albedo met
-    /// times r² / (d + r)², with d the distance to what the scattered path met and r half of the cell's size. A term shrinks
+    /// times r² / (d + r)², with d the distance to what the scattered path met and r the cell's size. A term shrinks
     /// with r and a child has a part of the terms, each rounded down, so no child's key exceeds its parent's.
     pub key: u64,
 }
@@ -141,6 +143,7 @@ impl Sums {
         self.count += term.count;
         self.hits += term.hits;
         self.key += term.key;
+        self.contribution += term.contribution;
         (0..3).for_each(|c| self.flux[c] += term.flux[c]);
     }
 
@@ -148,6 +151,7 @@ impl Sums {
         self.count -= term.count;
         self.hits -= term.hits;
         self.key -= term.key;
+        self.contribution -= term.contribution;
         (0..3).for_each(|c| self.flux[c] -= term.flux[c]);
     }
 }
@@ -155,21 +159,21 @@ impl Sums {
 /// A VPL's part of a node's sums. Only the key depends on the level; the cell radius being a power of two keeps it
 /// monotone under rounding.
 fn terms(vpl: &Vpl, scale: &FluxScale, level: u8) -> Sums {
-    let radius = (f64::from(ROOT_BITS) - f64::from(level) - 1.0).exp2();
+    let radius = (f64::from(ROOT_BITS) - f64::from(level)).exp2();
     let hit = vpl.scatter.distance.is_finite();
+    let key = |relative_distance| {
+        if hit {
+            scale.key(mean(vpl.flux), vpl.scatter.albedo, relative_distance)
+        } else {
+            0
+        }
+    };
     Sums {
         count: 1,
         hits: u32::from(hit),
         flux: scale.units(vpl.flux),
-        key: if hit {
-            scale.key(
-                mean(vpl.flux),
-                vpl.scatter.albedo,
-                f64::from(vpl.scatter.distance) / radius,
-            )
-        } else {
-            0
-        },
+        contribution: key(0.0),
+        key: key(f64::from(vpl.scatter.distance) / radius),
     }
 }
 
@@ -401,5 +405,133 @@ impl Octree {
         let mut total = Sums::default();
         self.roots.values().for_each(|r| total.add(&r.sums));
         total
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::{Scatter, VplKey};
+    use proptest::prelude::*;
+
+    fn vpl(i: u32, position: Vec3, distance: f32) -> Vpl {
+        Vpl {
+            key: VplKey {
+                light: 0,
+                path: i,
+                bounce: 0,
+            },
+            position,
+            normal: Vec3::Y,
+            flux: Vec3::new(0.3, 0.2, 0.1),
+            object: 0,
+            scatter: Scatter {
+                distance,
+                albedo: 0.6,
+            },
+        }
+    }
+
+    /// Clumps, so that the tree gets deep, across the border between root cells, some with rays that left the scene.
+    fn vpls() -> impl Strategy<Value = Vec<Vpl>> {
+        let coordinate = || prop_oneof![-400f32..-300.0, 0f32..0.01, 680f32..690.0];
+        let one = (
+            coordinate(),
+            coordinate(),
+            coordinate(),
+            prop_oneof![0f32..10.0, Just(f32::INFINITY)],
+        );
+        prop::collection::vec(one, 0..150).prop_map(|all| {
+            let each = |(i, (x, y, z, d)): (usize, (f32, f32, f32, f32))| {
+                vpl(i as u32, Vec3::new(x, y, z), d)
+            };
+            all.into_iter().enumerate().map(each).collect()
+        })
+    }
+
+    fn check(node: &Node, cell: Cell, scale: &FluxScale) {
+        let [lo, hi] = cell.bounds();
+        let slack = Vec3::splat(1e-4);
+        assert!(
+            node.vpls()
+                .iter()
+                .all(|v| v.position.cmpge(lo - slack).all() && v.position.cmple(hi + slack).all())
+        );
+        let mut sums = Sums::default();
+        node.vpls()
+            .iter()
+            .for_each(|v| sums.add(&terms(v, scale, cell.level)));
+        assert_eq!(*node.sums(), sums);
+        assert_eq!(
+            node.is_leaf(),
+            node.sums.count as usize <= LEAF_CAPACITY || cell.level == MAX_LEVEL
+        );
+        assert!(node.sums.key <= node.sums.contribution);
+        for (octant, child) in node.children() {
+            assert!(child.sums.key <= node.sums.key && child.sums.count > 0);
+            check(child, cell.child(octant), scale);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn the_tree_is_a_function_of_the_set(vpls in vpls(), order in any::<u64>(), keep in 0usize..150) {
+            let scale = FluxScale::new(0.2);
+            let keep = keep.min(vpls.len());
+            let built = Octree::build(scale, &vpls[..keep]);
+            for (cell, root) in built.roots() {
+                check(root, cell, &scale);
+                prop_assert_eq!(built.node(&cell), Some(root));
+            }
+            // In another order, with everything else added and removed in between.
+            let mut shuffled: Vec<&Vpl> = vpls.iter().collect();
+            shuffled.sort_by_key(|v| (u64::from(v.key.path) + 1).wrapping_mul(order | 1));
+            let mut tree = Octree::new(scale);
+            shuffled.iter().for_each(|v| tree.add(v));
+            for v in shuffled.iter().filter(|v| v.key.path as usize >= keep) {
+                prop_assert!(tree.remove(v));
+                prop_assert!(!tree.remove(v));
+            }
+            prop_assert_eq!(tree, built);
+        }
+    }
+
+    #[test]
+    fn cells_nest_and_walls_at_round_coordinates_lie_inside() {
+        for (p, level) in [
+            (Vec3::new(1.0, -2.5, 0.0), 12),
+            (Vec3::new(-400.0, 700.0, 0.25), 3),
+        ] {
+            let cell = Cell::at(p, level);
+            assert_eq!(Cell::at(p, level - 1), cell.parent().expect("a parent"));
+            assert!(
+                (0..8)
+                    .map(|o| cell.child(o))
+                    .any(|c| c == Cell::at(p, level + 1))
+            );
+            let [lo, hi] = cell.bounds();
+            assert!(lo.cmple(p).all() && hi.cmpgt(p).all());
+            assert!(((hi - lo) - cell.size()).abs().max_element() < 1e-3);
+        }
+        for level in 0..=16 {
+            let cell = Cell::at(Vec3::ZERO, level);
+            let [lo, hi] = cell.bounds();
+            assert!((-lo).min(hi).min_element() > cell.size() * 0.3);
+        }
+    }
+
+    #[test]
+    fn bulk_adds_are_fast_and_equal_to_single_ones() {
+        let sequence = crate::transport::sampling::Sequence::new(3, 0);
+        let all: Vec<Vpl> = (0..20_000)
+            .map(|i| {
+                let [x, y, z, d] = sequence.sample(i, 0);
+                vpl(i, Vec3::new(x * 9.0, (y * 3.0).round(), z * 5.0), d * 4.0)
+            })
+            .collect();
+        let mut one_by_one = Octree::new(FluxScale::new(0.2));
+        all.iter().rev().for_each(|v| one_by_one.add(v));
+        assert_eq!(one_by_one, Octree::build(FluxScale::new(0.2), &all));
     }
 }

@@ -111,7 +111,7 @@ pub fn simplify_outwards(mut polygon: Vec<Vec2>, max: usize) -> Vec<Vec2> {
                     polygon[(i + 1) % n],
                     polygon[(i + 2) % n],
                 );
-                let (u, v) = (a - before, b - after);
+                let (u, v) = (a - before, after - b);
                 let cross = u.perp_dot(v);
                 // The neighbours meet beyond the edge only if they turn by less than half a turn together.
                 if cross <= 1e-6 * u.length() * v.length() {
@@ -179,4 +179,85 @@ pub fn vertices(plane: &Plane, polygon: Vec<Vec2>) -> Option<ArrayVec<Vec3, MAX_
     let polygon = simplify_inwards(polygon, MAX_VERTICES);
     (polygon.len() >= 3 && area(&polygon) > 0.0)
         .then(|| polygon.iter().map(|&p| plane.lift(p)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Random points: the estimate is made for these, stratified ones have larger hulls.
+    fn points(n: u32, seed: u32) -> Vec<Vec2> {
+        let mut state = u64::from(seed) + 1;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1u64 << 24) as f32
+        };
+        (0..n).map(|_| Vec2::new(3.0 * next(), next())).collect()
+    }
+
+    #[test]
+    fn regions_have_the_area_that_points_were_drawn_from() {
+        for n in [12, 30, 100] {
+            let areas: Vec<f32> = (0..200)
+                .map(|seed| {
+                    let region = region(&points(n, seed)).expect("an area");
+                    assert!(region.len() <= MAX_VERTICES);
+                    area(&region)
+                })
+                .collect();
+            let mean = areas.iter().sum::<f32>() / 200.0;
+            assert!(
+                (mean / 3.0 - 1.0).abs() < 0.12,
+                "{n} points: {mean} instead of 3"
+            );
+        }
+        assert!(region(&[Vec2::ZERO, Vec2::ONE, Vec2::ONE * 2.0]).is_none());
+        assert!(region(&[Vec2::ZERO; 20]).is_none());
+    }
+
+    #[test]
+    fn outward_simplification_contains_and_inward_is_contained() {
+        for seed in 0..40 {
+            let hull = convex_hull(points(60, seed));
+            let out = simplify_outwards(hull.clone(), 5);
+            assert!(
+                out.len() <= 5 && area(&out) >= area(&hull) * 0.9999,
+                "{hull:?} {out:?}"
+            );
+            let inside = |p: Vec2, polygon: &[Vec2]| {
+                (0..polygon.len()).all(|i| {
+                    (polygon[(i + 1) % polygon.len()] - polygon[i]).perp_dot(p - polygon[i]) > -1e-4
+                })
+            };
+            assert!(hull.iter().all(|&p| inside(p, &out)));
+            let within = simplify_inwards(hull.clone(), 5);
+            assert!(within.len() == 5 && within.iter().all(|p| hull.contains(p)));
+        }
+    }
+
+    #[test]
+    fn clipping_to_a_box_keeps_what_is_inside() {
+        let plane = Plane::new(
+            Vec3::new(0.5, 0.5, 0.5),
+            Vec3::new(1.0, 1.0, 0.0).normalize(),
+        );
+        let big: Vec<Vec2> = [(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)]
+            .map(|(x, y)| Vec2::new(x, y))
+            .to_vec();
+        let clipped = plane.clip_to_box(big, Vec3::ZERO, Vec3::ONE);
+        // A diagonal section of the unit cube.
+        assert!((area(&clipped) - 2f32.sqrt()).abs() < 1e-4);
+        assert!((plane.lift(centroid(&clipped)) - 0.5).abs().max_element() < 1e-5);
+        let corners = vertices(&plane, clipped).expect("a polygon");
+        assert!(
+            corners.iter().all(
+                |v| v.cmpge(Vec3::splat(-1e-5)).all() && v.cmple(Vec3::splat(1.0 + 1e-5)).all()
+            )
+        );
+        // Counter-clockwise around the normal.
+        let turn = (corners[1] - corners[0]).cross(corners[2] - corners[1]);
+        assert!(turn.dot(plane.normal) > 0.0);
+    }
 }
