@@ -199,7 +199,11 @@ impl Atlas {
         pages: u32,
         placements: &[Placement],
     ) -> Result<Self, LightmapError> {
-        if !(SMALLEST_PAGE..=16384).contains(&page_size) || pages == 0 || !(density > 0.0) {
+        if !(SMALLEST_PAGE..=16384).contains(&page_size)
+            || pages == 0
+            || density.is_nan()
+            || density <= 0.0
+        {
             return Err(LightmapError::Option {
                 option: "the recorded atlas",
                 requirement: "one or more pages of 16 to 16384 texels",
@@ -282,7 +286,7 @@ fn check(options: &AtlasOptions) -> Result<(), LightmapError> {
             "a positive number of texels per metre",
         ),
         (
-            positive(options.max_density),
+            options.max_density > 0.0,
             "the largest density",
             "a positive number of texels per metre",
         ),

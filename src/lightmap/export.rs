@@ -55,6 +55,12 @@ impl Content {
     }
 }
 
+/// Finds out early whether [`write_outputs`] has a chance: whether `out` is a folder or can become one, and can be written to.
+/// Leaves nothing behind.
+pub fn check_output(out: &Path) -> Result<(), ExportError> {
+    Stage::new(out).map(drop)
+}
+
 /// Writes `scene.glb` and a `lightmap_K.exr` per page into the folder `out`, and `extra_files` (name, content) with them:
 /// `bake.json`, `preview.png`. Returns their paths.
 ///
@@ -69,14 +75,6 @@ pub fn write_outputs(
     content: Content,
     extra_files: Vec<(String, Vec<u8>)>,
 ) -> Result<Vec<PathBuf>, ExportError> {
-    let out = if out.as_os_str().is_empty() {
-        Path::new(".")
-    } else {
-        out
-    };
-    if out.exists() && !out.is_dir() {
-        return Err(ExportError::NotAFolder { path: out.into() });
-    }
     let stage = Stage::new(out)?;
     let mut names = Vec::new();
     for (k, page) in lightmap.pages.iter().enumerate() {
@@ -133,6 +131,9 @@ impl Stage {
             let path = path.to_owned();
             move |cause| ExportError::Write { path, cause }
         };
+        if out.exists() && !out.is_dir() {
+            return Err(ExportError::NotAFolder { path: out.into() });
+        }
         // Inside the folder: then moving never crosses a file system.
         let made: Vec<PathBuf> = out
             .ancestors()

@@ -300,6 +300,8 @@ fn a_failure_leaves_what_was_there() {
             extra,
         )
     };
+    check_output(&out).unwrap();
+    assert!(!out.exists(), "a check leaves nothing behind");
     // A name in a folder that does not exist cannot be written: nothing may remain, not even the folder.
     let error = write(&out, "no/such/file").unwrap_err().to_string();
     assert!(error.contains("no/such/file"), "{error}");

@@ -176,12 +176,9 @@ mod tests {
         assert_eq!(layout.charts.len(), mesh.triangles.len());
         let mut owner = vec![u32::MAX; (size.x * size.y) as usize];
         for (t, corners) in layout.triangles.iter().enumerate() {
-            for k in 0..3 {
-                let vertex = layout.vertices[corners[k] as usize];
-                assert_eq!(
-                    vertex.source, mesh.triangles[t][k],
-                    "triangle {t} lost a corner"
-                );
+            for (&corner, &source) in corners.iter().zip(&mesh.triangles[t]) {
+                let vertex = layout.vertices[corner as usize];
+                assert_eq!(vertex.source, source, "triangle {t} lost a corner");
                 let inside = vertex.uv.cmpge(Vec2::splat(PADDING as f32 - 1e-4)).all()
                     && vertex
                         .uv
