@@ -6,6 +6,11 @@ use std::{
     fs,
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
+    process::{Command, Output, Stdio},
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -105,4 +110,91 @@ fn the_loader_survives_all() {
         "only {failed} were refused: the inputs are not hostile"
     );
     assert!(peak_memory() < 1024, "{} MiB", peak_memory());
+}
+
+/// Runs the program; none if it has to be killed.
+fn bake(scene: &Path, out: &Path) -> Option<Output> {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rebake"))
+        .args([
+            "bake",
+            "-q",
+            "--quality",
+            "draft",
+            "--texels",
+            "1k",
+            "--paths",
+            "1k",
+            "--bounces",
+            "2",
+            "--clusters",
+            "8",
+        ])
+        .arg(scene)
+        .arg("-o")
+        .arg(out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if start.elapsed() > Duration::from_secs(60) {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Some(child.wait_with_output().unwrap())
+}
+
+/// What the program did wrong with an input, if anything.
+fn misbehaviour(case: &Case) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = write(case, folder.path());
+    let out = folder.path().join("out");
+    let before = fs::read_dir(folder.path()).unwrap().count();
+    let Some(output) = bake(&scene, &out) else {
+        return Some("did not end".into());
+    };
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    match output.status.code() {
+        Some(0) if case.must_fail => Some("accepted".into()),
+        Some(0) => {
+            let whole = ["scene.glb", "lightmap_0.exr", "bake.json"]
+                .iter()
+                .all(|file| out.join(file).is_file());
+            (!whole || Scene::load(&out.join("scene.glb")).is_err())
+                .then(|| "success without a whole result".into())
+        }
+        Some(1) => {
+            let lines: Vec<&str> = said.lines().collect();
+            if lines.len() != 1 || !lines[0].starts_with("error: ") || lines[0].len() > 700 {
+                return Some(format!("not one clear line: {said:?}"));
+            }
+            let left = fs::read_dir(folder.path()).unwrap().count();
+            (left != before).then(|| "something of the output is left".into())
+        }
+        code => Some(format!("ended with {code:?}: {said}")),
+    }
+}
+
+#[test]
+fn the_program_survives_all() {
+    let cases = cases();
+    let next = AtomicUsize::new(0);
+    let wrong = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(2, usize::from) {
+            scope.spawn(|| {
+                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if let Some(what) = misbehaviour(case) {
+                        wrong.lock().unwrap().push(format!("{}: {what}", case.name));
+                    }
+                }
+            });
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }
