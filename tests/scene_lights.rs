@@ -258,6 +258,12 @@ fn lights_of_another_file_are_laid_over() {
     let read =
         Scene::from_document(&Document::parse(base.to_gltf().as_bytes(), None).unwrap()).unwrap();
     assert_eq!(format!("{:?}", read.lights), format!("{:?}", scene.lights));
+
+    fs::write(&other, "{}").unwrap();
+    let before = format!("{scene:?}");
+    let text = message(overlay_lights(&mut scene, &mut base, &other));
+    assert!(text.contains("lights.gltf: this is no glTF"), "{text}");
+    assert_eq!(format!("{scene:?}"), before);
 }
 
 #[test]

@@ -99,6 +99,14 @@ pub enum SceneError {
         /// What is wrong and what would be right.
         why: String,
     },
+    /// Another file than the scene itself is wrong.
+    #[error("{}: {cause}", path.display())]
+    In {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        cause: Box<SceneError>,
+    },
     /// Not the name of a built-in scene.
     #[error("there is no built-in scene \"{name}\"; the names are {}", known.join(", "))]
     UnknownBuiltin {

@@ -116,19 +116,25 @@ impl Scene {
 /// their materials), where they stand in that file. The scene is then read from the document again.
 ///
 /// # Errors
-/// As for [`Scene::load`]; [`SceneError::NoLight`] if the other file has none.
+/// [`SceneError::In`] for whatever is wrong with the other file, its having no light included; what [`Scene::from_document`]
+/// finds in both together. Scene and document are then as they were.
 pub fn overlay_lights(
     scene: &mut Scene,
     document: &mut Document,
     path: &Path,
 ) -> Result<(), SceneError> {
-    let (other, source) = Scene::load(path)?;
-    if other.lights.is_empty() {
-        return Err(SceneError::BadLight {
-            what: format!("{}", path.display()),
-            why: "there is no light in it to add".into(),
-        });
-    }
+    let (other, source) = Scene::load(path)
+        .and_then(|(other, source)| match other.lights.len() {
+            0 => Err(SceneError::NoLight),
+            _ => Ok((other, source)),
+        })
+        .map_err(|cause| match cause {
+            SceneError::Read { .. } => cause,
+            cause => SceneError::In {
+                path: path.into(),
+                cause: Box::new(cause),
+            },
+        })?;
     let mut merged = document.clone();
     let mut copier = Copier {
         from: &source,
