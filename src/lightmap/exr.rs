@@ -75,7 +75,7 @@ pub(crate) fn write(
 }
 
 /// Reads the first layer with red, green and blue of an EXR file, whoever wrote it.
-pub(crate) fn read(path: &Path) -> Result<Image, exr::error::Error> {
+pub fn read(path: &Path) -> Result<Image, exr::error::Error> {
     // A broken header may claim any size; nothing is allocated before it is looked at.
     let headers = exr::meta::MetaData::read_from_file(path, false)?.headers;
     if headers.iter().any(|h| h.layer_size.area() > LARGEST) {

@@ -8,6 +8,8 @@ mod edges;
 pub mod export;
 pub mod exr;
 mod glb;
+pub mod preview;
+mod raster;
 mod raw;
 pub mod resolve;
 mod sample;
@@ -15,6 +17,7 @@ mod seams;
 mod skyline;
 pub mod texels;
 mod unwrap;
+mod viewpoint;
 
 pub use atlas::{AtlasOptions, LightmapError, Placement};
 pub use authored::Refusal;
