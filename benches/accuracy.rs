@@ -51,7 +51,7 @@ fn main() {
         samples as u32,
     );
 
-    for paths in [1 << 16] {
+    for paths in [1 << 17] {
         let start = Instant::now();
         let path_settings = PathSettings::for_paths(&scene, paths);
         let set = trace(&scene, &bvh, &path_settings);
@@ -70,9 +70,9 @@ fn main() {
                 "clusters {:.0} ms, {settings:?}",
                 start.elapsed().as_secs_f64() * 1e3
             );
-            for cells in [120, 250, 500, 1000, 3000] {
+            for error in [3e-3, 1e-3, 5e-4, 2e-4, 1e-4] {
                 let start = Instant::now();
-                let cut = clusters.select(Budget::Cells(cells));
+                let cut = clusters.select(Budget::Auto { error });
                 let selected = clusters.virtual_lights(&cut);
                 let lights: Vec<VirtualLight> =
                     selected.into_iter().flat_map(|s| s.lights).collect();
@@ -89,12 +89,12 @@ fn main() {
                     .map(|l| f64::from(mean(l.flux)))
                     .sum();
                 println!(
-                    "{cells} cells -> {} direct, {polygons} polygons ({:.0} % of the flux), {} disks; {:.0} ms; estimate {:.5}; flux {:.6}",
+                    "error {error:e}: {} cells -> {} direct, {polygons} polygons ({:.0} % of the flux), {} disks; {:.0} ms; flux {:.6}",
+                    cut.cells.len(),
                     direct.len(),
                     100.0 * by_polygons / carried,
                     bounced.len() - polygons,
                     start.elapsed().as_secs_f64() * 1e3,
-                    cut.error,
                     carried / balance.reflected
                 );
                 compare(&scene, &bvh, &points, &direct, &bounced);

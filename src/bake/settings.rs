@@ -28,7 +28,7 @@ pub enum Quality {
 pub enum Clusters {
     /// This many (Algorithm 1's budget N).
     Count(u32),
-    /// Refined until the metric's estimate of the relative error falls to this.
+    /// Refined until no cell's balancing metric exceeds this share of the light (`cluster::Budget::Auto`).
     Error(f32),
 }
 
@@ -142,22 +142,19 @@ impl Options {
                 .shadow_size
                 .map_or(preset.direct_shadow_size, |s| 4 * s),
             sun_shadow_size: preset.sun_shadow_size,
-            disk_area: DISK_AREA,
+            disk_area: crate::cluster::evaluate::DISK_AREA_TERM,
             fixed_point_bits: fixed_point_bits(flux, area),
             indirect_only: self.indirect_only,
         }
     }
 }
 
-/// Factor of a disk's area in its form factor's denominator: a quarter of the usual 1 halves the bias of near texels.
-const DISK_AREA: f32 = 0.25;
-
 /// What the presets decide.
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {
     /// Paths of all lights together.
     pub paths: u64,
-    /// Estimated relative error that the cut is refined to.
+    /// Largest share of the light that a cell's balancing metric may reach (`cluster::Budget::Auto`).
     pub error: f32,
     /// Indirect hemicubes.
     pub shadow_size: u32,
@@ -173,21 +170,21 @@ impl Quality {
         match self {
             Quality::Draft => Preset {
                 paths: 1 << 14,
-                error: 0.004,
+                error: 3e-3,
                 shadow_size: 64,
                 direct_shadow_size: 256,
                 sun_shadow_size: 2048,
             },
             Quality::Preview => Preset {
                 paths: 1 << 17,
-                error: 0.0015,
+                error: 5e-4,
                 shadow_size: 128,
                 direct_shadow_size: 512,
                 sun_shadow_size: 4096,
             },
             Quality::Production => Preset {
                 paths: 1 << 19,
-                error: 0.0003,
+                error: 1e-4,
                 shadow_size: 256,
                 direct_shadow_size: 1024,
                 sun_shadow_size: 8192,

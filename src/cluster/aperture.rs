@@ -101,12 +101,12 @@ impl ApertureTree {
             })
             .collect();
         let energy = paths.emissions.len().max(1) as f32;
-        let weight = mean(emitter.flux) / energy * DIRECT_WEIGHT;
+        let flux = mean(emitter.flux) / energy;
         let indices = (0..sides.len() as u32).collect();
         Self {
             root: Builder {
                 sides: &sides,
-                weight,
+                flux,
                 scale,
             }
             .node(indices, starts, f64::INFINITY),
@@ -152,21 +152,25 @@ impl ApertureNode {
 
 struct Builder<'a> {
     sides: &'a [Facet],
-    /// Lumens a path, weighted.
-    weight: f32,
+    /// Lumens a path.
+    flux: f32,
     scale: &'a FluxScale,
 }
 
 impl Builder<'_> {
     /// Key and contribution.
     fn weigh(&self, starts: &[Start], radius: f64) -> [u64; 2] {
-        let sum = |near: &dyn Fn(&Start) -> f64| {
+        let sum = |flux: f32, near: &dyn Fn(&Start) -> f64| {
             starts
                 .iter()
-                .map(|s| self.scale.key(self.weight, s.albedo, near(s)))
+                .map(|s| self.scale.key(flux, s.albedo, near(s)))
                 .sum()
         };
-        [sum(&|s| f64::from(s.distance) / radius), sum(&|_| 0.0)]
+        let near = |s: &Start| f64::from(s.distance) / radius;
+        [
+            sum(self.flux * DIRECT_WEIGHT, &near),
+            sum(self.flux, &|_| 0.0),
+        ]
     }
 
     /// Several facets: halves at the middle of their centres along the major extent.

@@ -21,7 +21,7 @@ pub trait Forest {
     fn key(&self, id: &Self::Id) -> u64;
     /// Number of cells above.
     fn depth(&self, id: &Self::Id) -> u32;
-    /// What cells' keys are relative to in [`Budget::Auto`].
+    /// What keys are relative to in [`Budget::Auto`]: the sum of all keys if cells had no end.
     fn scale(&self) -> f64;
 }
 
@@ -30,8 +30,8 @@ pub trait Forest {
 pub enum Budget {
     /// At least this many cells, where there are as many: Algorithm 1's N. The last refinement may go up to 7 beyond.
     Cells(usize),
-    /// Until the estimated error is at most this: the root of the sum of the cells' squared keys, relative to the light
-    /// that there is.
+    /// Until no cell that has parts has a key above this share of what all light lights up again ([`Forest::scale`]): the same
+    /// threshold asks for few cells in a small scene and for many in a large one, and what it asks of a cell depends on no other.
     Auto {
         /// Relative, above 0.
         error: f64,
@@ -43,78 +43,62 @@ pub enum Budget {
 pub struct Cut<Id> {
     /// In order.
     pub cells: Vec<Id>,
-    /// The estimate that [`Budget::Auto`] is about.
+    /// The largest key of a cell that has parts, relative to [`Forest::scale`]: what [`Budget::Auto`] bounds.
     pub error: f64,
 }
 
 type Priority<Id> = (u64, Reverse<u32>, Reverse<Id>);
 
+/// With its parts.
+type Refinable<Id> = (Priority<Id>, Vec<Id>);
+
 fn priority<F: Forest>(forest: &F, id: F::Id) -> Priority<F::Id> {
     (forest.key(&id), Reverse(forest.depth(&id)), Reverse(id))
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct Totals {
-    cells: usize,
-    squares: u128,
+/// A largest key relative to all light; 0 without any.
+fn relative<F: Forest>(forest: &F, largest: Option<u64>) -> f64 {
+    largest.map_or(0.0, |key| {
+        key as f64 / forest.scale().max(f64::MIN_POSITIVE)
+    })
 }
 
-impl Totals {
-    fn add<F: Forest>(&mut self, forest: &F, id: &F::Id) {
-        self.cells += 1;
-        self.squares += u128::from(forest.key(id)).pow(2);
-    }
-
-    fn remove<F: Forest>(&mut self, forest: &F, id: &F::Id) {
-        self.cells -= 1;
-        self.squares -= u128::from(forest.key(id)).pow(2);
-    }
-
-    fn error<F: Forest>(&self, forest: &F) -> f64 {
-        (self.squares as f64).sqrt() / forest.scale().max(f64::MIN_POSITIVE)
-    }
-
-    fn meet<F: Forest>(&self, forest: &F, budget: &Budget) -> bool {
-        match *budget {
-            Budget::Cells(n) => self.cells >= n,
-            Budget::Auto { error } => self.error(forest) <= error,
-        }
+/// Whether a cut of `cells` cells is fine enough, whose largest key among those that can be refined is given.
+fn meets<F: Forest>(forest: &F, budget: &Budget, cells: usize, largest: Option<u64>) -> bool {
+    match *budget {
+        Budget::Cells(n) => cells >= n,
+        Budget::Auto { error } => relative(forest, largest) <= error,
     }
 }
 
 /// The fixed point of Algorithm 1, from the roots.
 pub fn select<F: Forest>(forest: &F, budget: Budget) -> Cut<F::Id> {
-    let mut totals = Totals::default();
-    let mut heap = BinaryHeap::new();
+    let mut heap: BinaryHeap<Refinable<F::Id>> = BinaryHeap::new();
     let mut leaves = Vec::new();
-    let mut put = |id: F::Id, totals: &mut Totals, heap: &mut BinaryHeap<_>| {
-        totals.add(forest, &id);
-        let children = forest.children(&id);
-        if children.is_empty() {
-            leaves.push(id)
-        } else {
-            heap.push((priority(forest, id), children))
+    let mut open = forest.roots();
+    loop {
+        for id in open.drain(..) {
+            let children = forest.children(&id);
+            if children.is_empty() {
+                leaves.push(id);
+            } else {
+                heap.push((priority(forest, id), children));
+            }
         }
-    };
-    for id in forest.roots() {
-        put(id, &mut totals, &mut heap);
-    }
-    while !totals.meet(forest, &budget) {
-        let Some(((_, _, Reverse(id)), children)) = heap.pop() else {
+        let largest = heap.peek().map(|((key, ..), _)| *key);
+        if meets(forest, &budget, leaves.len() + heap.len(), largest) {
+            break;
+        }
+        let Some((_, children)) = heap.pop() else {
             break;
         };
-        totals.remove(forest, &id);
-        for child in children {
-            put(child, &mut totals, &mut heap);
-        }
+        open = children;
     }
+    let error = relative(forest, heap.peek().map(|((key, ..), _)| *key));
     let mut cells = leaves;
     cells.extend(heap.into_iter().map(|((_, _, Reverse(id)), _)| id));
     cells.sort_unstable();
-    Cut {
-        cells,
-        error: totals.error(forest),
-    }
+    Cut { cells, error }
 }
 
 /// An operation on the selected cells.
@@ -134,7 +118,6 @@ pub struct Balancer<Id: Ord> {
     selected: BTreeSet<Id>,
     refinable: BTreeSet<Priority<Id>>,
     mergeable: BTreeSet<Priority<Id>>,
-    totals: Totals,
 }
 
 impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
@@ -145,7 +128,6 @@ impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
             selected: BTreeSet::new(),
             refinable: BTreeSet::new(),
             mergeable: BTreeSet::new(),
-            totals: Totals::default(),
         };
         balancer.update(forest);
         balancer
@@ -158,7 +140,6 @@ impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
         self.selected.clear();
         self.refinable.clear();
         self.mergeable.clear();
-        self.totals = Totals::default();
         let mut open = forest.roots();
         while let Some(id) = open.pop() {
             let children = forest.children(&id);
@@ -178,29 +159,27 @@ impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
         self.selected.iter()
     }
 
-    /// The estimate that [`Budget::Auto`] is about.
+    /// The largest key of a cell that has parts, relative to [`Forest::scale`].
     pub fn error<F: Forest<Id = Id>>(&self, forest: &F) -> f64 {
-        self.totals.error(forest)
+        relative(forest, self.refinable.last().map(|p| p.0))
     }
 
     /// Does the next operation of Algorithm 1; none once balanced. The forest must be the one of the last update.
     pub fn step<F: Forest<Id = Id>>(&mut self, forest: &F, budget: Budget) -> Option<Step<Id>> {
         let largest = self.refinable.last().copied();
-        if !self.totals.meet(forest, &budget) {
+        let key = largest.map(|l| l.0);
+        if !meets(forest, &budget, self.selected.len(), key) {
             let (_, _, Reverse(id)) = largest?;
             self.refine(forest, id);
             return Some(Step::Refine(id));
         }
         let smallest = *self.mergeable.first()?;
         let (_, _, Reverse(id)) = smallest;
-        let mut merged = self.totals;
-        merged.add(forest, &id);
-        forest
-            .children(&id)
-            .iter()
-            .for_each(|c| merged.remove(forest, c));
+        let merged = self.selected.len() + 1 - forest.children(&id).len();
         // Merge what was never needed, and what is worth less than the cell that could be refined instead.
-        if merged.meet(forest, &budget) || largest.is_some_and(|l| smallest < l) {
+        if meets(forest, &budget, merged, key.max(Some(smallest.0)))
+            || largest.is_some_and(|l| smallest < l)
+        {
             self.merge(forest, id);
             return Some(Step::Merge(id));
         }
@@ -208,7 +187,6 @@ impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
     }
 
     fn put<F: Forest<Id = Id>>(&mut self, forest: &F, id: Id, refinable: bool) {
-        self.totals.add(forest, &id);
         self.selected.insert(id);
         if refinable {
             self.refinable.insert(priority(forest, id));
@@ -216,7 +194,6 @@ impl<Id: Copy + Ord + std::fmt::Debug> Balancer<Id> {
     }
 
     fn take<F: Forest<Id = Id>>(&mut self, forest: &F, id: &Id) {
-        self.totals.remove(forest, id);
         self.selected.remove(id);
         self.refinable.remove(&priority(forest, *id));
     }
@@ -265,7 +242,7 @@ mod tests {
     struct Trees(BTreeMap<u64, u64>);
 
     impl Trees {
-        /// Every entry is a leaf's name and key; inner keys are a multiple of the sum of their parts', ties included.
+        /// Every entry is a leaf's name and key; inner keys are the sums of their parts', ties included.
         fn new(leaves: &[(Vec<u8>, u64)]) -> Self {
             let mut trees = Self::default();
             for (way, key) in leaves {
@@ -312,7 +289,7 @@ mod tests {
     fn budget() -> impl Strategy<Value = Budget> {
         prop_oneof![
             (0usize..80).prop_map(Budget::Cells),
-            (0.001f64..0.3).prop_map(|error| Budget::Auto { error })
+            (0.0f64..0.1).prop_map(|error| Budget::Auto { error })
         ]
     }
 

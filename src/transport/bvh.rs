@@ -235,7 +235,7 @@ impl Tree {
                         .length();
                     let &(_, material, masked) =
                         runs.get(runs.partition_point(|&(end, ..)| end <= t))?;
-                    (area > 0.0 && area.is_finite()).then(|| Triangle {
+                    (area > 0.0 && area.is_finite()).then_some(Triangle {
                         vertices,
                         object: o,
                         triangle: t,
@@ -324,7 +324,7 @@ fn intersect(vertices: &[Vec3A; 3], origin: Vec3A, direction: Vec3A) -> Option<(
     let normal = e0.cross(e1);
     let along = normal.dot(direction);
     let t = v0.dot(normal) / along;
-    if !(t > 0.0 && t < f32::INFINITY) {
+    if t.is_nan() || t <= 0.0 || t == f32::INFINITY {
         return None;
     }
     let scale = 1.0 / sum;
