@@ -32,16 +32,16 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
 }
 
 // Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there.
-vec3 lifted(Views views, uint view, vec3 p, vec3 n) {
-    vec3 d = p - views.at[view].origin;
+vec3 lifted(View view, vec3 p, vec3 n) {
+    vec3 d = p - view.origin;
     float distance = length(d);
     float cosine = dot(d, n) / max(distance, 1e-20);
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    return d + n * (distance * (0.1 + 0.5 * sine) / float(views.at[view].size));
+    return d + n * (distance * (0.1 + 0.5 * sine) / float(view.size));
 }
 
-vec3 to_local(Views views, uint view, vec3 d) {
-    return vec3(dot(views.at[view].x, d), dot(views.at[view].y, d), dot(views.at[view].z, d));
+vec3 to_local(View view, vec3 d) {
+    return vec3(dot(view.x, d), dot(view.y, d), dot(view.z, d));
 }
 
 // As to_local, kept inside the hemicube.
@@ -49,15 +49,9 @@ vec3 to_direction(vec3 local) {
     return vec3(local.xy, max(local.z, 1e-9));
 }
 
-// A point light has two hemicubes, back to back.
-uint facing_view(Views views, uint view, bool two, vec3 p) {
-    return two && dot(views.at[view].z, p - views.at[view].origin) < 0.0 ? view + 1 : view;
-}
-
-float visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec3 n, float bias) {
-    view = facing_view(views, view, two, p);
-    vec3 local = to_local(views, view, lifted(views, view, p, n));
-    float near = nearness(depth, views.at[view].offset, views.at[view].size, to_direction(local), local, to_local(views, view, n));
+float visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
+    vec3 local = to_local(view, lifted(view, p, n));
+    float near = nearness(depth, view.offset, view.size, to_direction(local), local, to_local(view, n));
     return near > 1.0 + bias ? 0.0 : 1.0;
 }
 
@@ -70,25 +64,25 @@ const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2
 
 // Percentage-closer soft shadows (Fernando 2005) of an emitter of the given radius, zero included: 5 taps find the mean
 // blocker, 8 taps filter over the penumbra it casts, never narrower than a pixel. Each tap is compared with the
-// receiver's plane, not with the receiver.
-float soft_visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec3 n, float radius, float bias) {
-    view = facing_view(views, view, two, p);
-    uint offset = views.at[view].offset;
-    uint size = views.at[view].size;
-    vec3 d = lifted(views, view, p, n);
+// receiver's plane, not with the receiver; and what a tap at distance L from the receiver's own ray finds can only cut a
+// ray to the emitter if radius (nearness - 1) >= L, by similar triangles: a wall beside the receiver does not.
+float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, float bias) {
+    uint offset = view.offset;
+    uint size = view.size;
+    vec3 d = lifted(view, p, n);
     float distance = length(d);
     vec3 t = normalize(abs(d.x) > abs(d.z) ? vec3(-d.y, d.x, 0.0) : vec3(0.0, -d.z, d.y));
     vec3 b = cross(d, t) / max(distance, 1e-20);
-    vec3 local = to_local(views, view, d);
-    vec3 local_n = to_local(views, view, n);
+    vec3 local = to_local(view, d);
+    vec3 local_n = to_local(view, n);
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 
     float blockers = 0.0, inverse_sum = 0.0;
     for (uint i = 0; i < SEARCH_TAPS; ++i) {
-        vec3 e = to_local(views, view, d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach);
+        vec3 e = to_local(view, d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach);
         float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
-        bool blocks = near > 1.0 + bias;
+        bool blocks = near > 1.0 + bias && radius * (near - 1.0) >= length(SEARCH[i]) * reach - pixel;
         blockers += blocks ? 1.0 : 0.0;
         inverse_sum += blocks ? near : 0.0;
     }
@@ -97,22 +91,23 @@ float soft_visibility(Views views, Uints depth, uint view, bool two, vec3 p, vec
     width = clamp(width, pixel, max(2.0 * radius, pixel));
     float lit = 0.0;
     for (uint i = 0; i < FILTER_TAPS; ++i) {
-        vec3 e = to_local(views, view, d + (t * FILTER[i].x + b * FILTER[i].y) * width);
+        vec3 e = to_local(view, d + (t * FILTER[i].x + b * FILTER[i].y) * width);
         float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
-        lit += near > 1.0 + bias ? 0.0 : 1.0 / float(FILTER_TAPS);
+        bool blocks = near > 1.0 + bias && radius * (near - 1.0) >= length(FILTER[i]) * width - pixel;
+        lit += blocks ? 0.0 : 1.0 / float(FILTER_TAPS);
     }
     return lit;
 }
 
 // Orthographic map, four comparisons weighted bilinearly. Outside of it everything is lit.
-float parallel_visibility(Views views, Uints depth, uint view, vec3 p, vec3 n, float bias) {
-    vec3 x = views.at[view].x, y = views.at[view].y, z = views.at[view].z;
-    uint size = views.at[view].size;
-    uint offset = views.at[view].offset;
+float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
+    vec3 x = view.x, y = view.y, z = view.z;
+    uint size = view.size;
+    uint offset = view.offset;
     float pixel = 2.0 / (float(size) * length(x));
     float cosine = dot(n, z) * inversesqrt(dot(z, z));
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    vec3 d = p - views.at[view].origin + n * (pixel * (0.2 + 2.2 * sine));
+    vec3 d = p - view.origin + n * (pixel * (0.2 + 2.2 * sine));
     vec2 at = (vec2(dot(x, d), dot(y, d)) + 1.0) * (0.5 * float(size)) - 0.5;
     vec2 corner = floor(at);
     vec2 weight = at - corner;

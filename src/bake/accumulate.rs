@@ -65,6 +65,7 @@ struct Push {
     receivers: Address,
     lights: Address,
     list: Address,
+    head: Address,
     views: Address,
     depth: Address,
     sums: Address,
@@ -117,7 +118,7 @@ impl AccumulatePass {
         let forms = forms_of(lights);
         for &form in &forms {
             if !self.pipelines.contains_key(&(form, soft)) {
-                let pipeline = gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft), 1])?;
+                let pipeline = gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft)])?;
                 self.pipelines.insert((form, soft), pipeline);
             }
         }
@@ -147,6 +148,7 @@ impl AccumulatePass {
                 list: self
                     .lists
                     .address_at(u64::from(form) * u64::from(tile_count) * 8),
+                head: self.heads.address(form),
                 views: shadow.views(),
                 depth: shadow.depth(),
                 sums: self.sums.address(),

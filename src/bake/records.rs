@@ -146,9 +146,11 @@ pub(super) fn record(
                 *to = from.to_array();
             }
             out.area = polygon_area(vertices);
+            let center = vertices.iter().sum::<Vec3>() / vertices.len() as f32;
+            out.position = center.to_array();
             out.radius = vertices
                 .iter()
-                .map(|v| v.distance(light.position))
+                .map(|v| v.distance(center))
                 .fold(0.0, f32::max);
             hemicube(light.normal, 0.0);
         }

@@ -180,19 +180,12 @@ pub fn bake(
                 *value = [0.0; 3];
             }
         }
-        {
-            let n = (atlas.page_size * atlas.page_size) as usize;
-            let mut pages = vec![vec![[0f32; 3]; n]; atlas.pages as usize];
-            for (t, e) in texels.list.iter().zip(&irradiance) {
-                if t.pixel != u32::MAX {
-                    pages[t.pixel as usize / n][t.pixel as usize % n] = *e;
-                }
-            }
-            Ok(Lightmap {
-                page_size: atlas.page_size,
-                pages,
-            })
-        }
+        Ok(crate::lightmap::resolve::resolve(
+            scene,
+            &atlas,
+            &texels,
+            &irradiance,
+        ))
     })?;
 
     let mut counts = Counts {

@@ -164,10 +164,18 @@ impl Groups {
         let hi = group.joined.iter().fold(hi, |b, v| b.max(v.position));
         let polygon = group.plane.clip_to_box(region(&points)?, lo, hi);
         let center = group.plane.lift(centroid(&polygon));
+        let distance = |v: &Vpl| v.position.distance_squared(center);
+        let nearest = members.iter().copied().reduce(|best, v| {
+            if distance(v) < distance(best) {
+                v
+            } else {
+                best
+            }
+        })?;
         let vertices = vertices(&group.plane, polygon)?;
         Some(VirtualLight {
             shape: Shape::Polygon { vertices },
-            position: offset(center, group.plane.normal),
+            position: offset(nearest.position, nearest.normal),
             normal: group.plane.normal,
             flux: flux(members, scale),
             direct: false,

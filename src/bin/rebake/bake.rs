@@ -6,13 +6,13 @@ use anyhow::Context as _;
 use glam::Vec3;
 use rebake::bake::{self, AtlasReport, Baked, Job, Options, Settings};
 use rebake::gpu::{Gpu, GpuOptions};
-use rebake::lightmap::{AtlasOptions, export};
+use rebake::lightmap::{AtlasOptions, export, preview};
 use rebake::scene::{Document, Scene, overlay_lights};
 use serde::Deserialize;
 use serde_json::json;
 
 use super::args::{self, Args, Clusters};
-use super::console::Console;
+use super::console::{Console, print};
 
 /// What `--settings` needs of a bake.json.
 #[derive(Deserialize)]
@@ -20,6 +20,9 @@ struct Recorded {
     settings: Settings,
     atlas: AtlasReport,
 }
+
+/// Width and height of preview.png.
+const PREVIEW: [u32; 2] = [960, 540];
 
 pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<()> {
     let console = Console::new(args);
@@ -32,6 +35,8 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
     let (scene, document) = loaded?;
     let gpu = gpu?;
 
+    export::check_output(&command.output)?;
+
     let job = job(command)?;
     let Baked {
         lightmap,
@@ -39,9 +44,14 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
         mut report,
     } = bake::bake(&gpu, &scene, &job, &console)?;
     gpu.check_validation()?;
+    let preview = preview::preview(&scene, &atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])
+        .context("encoding the preview")?;
     report.total_seconds = start.elapsed().as_secs_f64();
     let report_json = serde_json::to_vec_pretty(&report).context("writing the report")?;
-    let files = vec![("bake.json".to_owned(), report_json)];
+    let files = vec![
+        ("bake.json".to_owned(), report_json),
+        ("preview.png".to_owned(), preview),
+    ];
     let content = if report.settings.indirect_only {
         export::Content::IndirectOnly
     } else {
@@ -59,10 +69,10 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
 
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
-        println!(
+        print(format_args!(
             "{}",
             json!({ "output": command.output, "files": written, "seconds": seconds, "report": report })
-        );
+        ))?;
         return Ok(());
     }
     let lights: u64 = report.counts.virtual_lights.values().sum();
@@ -77,12 +87,12 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
         report.counts.paths,
         report.device.name,
         if job.verify { "; verify: identical" } else { "" },
-    ));
+    ))?;
     if report.stopped_early {
         console.say(&format!(
             "stopped by --budget at an estimated error of {:.3} %",
             report.estimated_error * 100.0
-        ));
+        ))?;
     }
     Ok(())
 }

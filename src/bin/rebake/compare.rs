@@ -7,6 +7,7 @@ use rebake::lightmap::compare::{Comparison, Pair};
 use rebake::scene::write_whole;
 
 use super::args;
+use super::console::print;
 
 /// Relative error that takes the full colour.
 const FULL: f32 = 0.25;
@@ -31,9 +32,9 @@ pub fn run(args: &args::Args, command: &args::Compare) -> anyhow::Result<()> {
         }
     }
     if args.json {
-        println!("{}", serde_json::to_string(&comparison)?);
+        print(serde_json::to_string(&comparison)?)?;
     } else if !args.quiet {
-        print(&comparison);
+        show(&comparison)?;
     }
     Ok(())
 }
@@ -44,29 +45,29 @@ fn numbered(path: &Path, k: usize) -> PathBuf {
     path.with_file_name(format!("{stem}_{k}.png"))
 }
 
-fn print(c: &Comparison) {
+fn show(c: &Comparison) -> anyhow::Result<()> {
     let percent = |v: f64| v * 100.0;
-    println!(
+    print(format_args!(
         "{} lit texels, {} differ, {} not finite",
         c.texels, c.different, c.not_finite
-    );
-    println!(
+    ))?;
+    print(format_args!(
         "mean {:.6} and {:.6} lux, bias {:+.3} %, RMSE {:.6} lux",
         c.mean_a,
         c.mean_b,
         percent(c.bias),
         c.rmse
-    );
+    ))?;
     let r = &c.relative;
-    println!(
+    print(format_args!(
         "relative error: median {:.3} %, 95th percentile {:.3} %, 99th {:.3} %, largest {:.3} %",
         percent(r.p50),
         percent(r.p95),
         percent(r.p99),
         percent(r.max)
-    );
+    ))?;
     for w in &c.worst {
-        println!(
+        print(format_args!(
             "page {} ({}, {}): {:?} for {:?}, {:+.1} %",
             w.page,
             w.x,
@@ -74,6 +75,7 @@ fn print(c: &Comparison) {
             w.a,
             w.b,
             percent(w.relative)
-        );
+        ))?;
     }
+    Ok(())
 }

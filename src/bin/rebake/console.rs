@@ -1,7 +1,7 @@
 //! What the user sees: progress bars on a terminal, plain lines elsewhere, JSON lines with `--json`, one line an error.
 
 use std::collections::BTreeMap;
-use std::io::IsTerminal as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::time::Duration;
@@ -29,6 +29,18 @@ pub fn start_log(args: &Args) {
         .with_target(false)
         .with_ansi(std::io::stderr().is_terminal())
         .init();
+}
+
+/// Prints a line of results.
+pub fn print(line: impl std::fmt::Display) -> std::io::Result<()> {
+    writeln!(std::io::stdout().lock(), "{line}")
+}
+
+/// Whether printing failed because nobody reads any more.
+pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error
+        .downcast_ref::<std::io::Error>()
+        .is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
 /// One line that names the thing, and a failing exit code.
@@ -72,9 +84,11 @@ impl Console {
     }
 
     /// A line on stdout for people; nothing with `--json` or `-q`.
-    pub fn say(&self, text: &str) {
+    pub fn say(&self, text: &str) -> std::io::Result<()> {
         if matches!(self.mode, Mode::Plain | Mode::Bars) {
-            println!("{text}");
+            print(text)
+        } else {
+            Ok(())
         }
     }
 }

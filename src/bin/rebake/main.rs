@@ -32,6 +32,8 @@ fn main() -> ExitCode {
         Command::Scene(command) => scene::run(&args, command),
     };
     match result {
+        // Whoever read our output has read enough.
+        Err(error) if console::is_broken_pipe(&error) => ExitCode::SUCCESS,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => console::fail(&error, args.json),
     }

@@ -4,6 +4,7 @@ use anyhow::Context as _;
 use rebake::scene::builtin::builtin;
 
 use super::args;
+use super::console::print;
 
 pub fn run(args: &args::Args, command: &args::Scene) -> anyhow::Result<()> {
     let document = builtin(&command.name)?;
@@ -11,7 +12,7 @@ pub fn run(args: &args::Args, command: &args::Scene) -> anyhow::Result<()> {
         .write(&command.output)
         .with_context(|| format!("writing {}", command.output.display()))?;
     if !args.quiet {
-        println!("{}", command.output.display());
+        print(format_args!("{}", command.output.display()))?;
     }
     Ok(())
 }
