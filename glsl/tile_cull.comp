@@ -58,7 +58,9 @@ void main() {
             if (kind == LIGHT_POINT || kind == LIGHT_SPOT) form = FORM_PUNCTUAL;
             if (kind == LIGHT_DISK) form = FORM_DISK;
             if (kind == LIGHT_POLYGON)
-                form = distance - reach > far * radius ? FORM_DISK : (all_above ? FORM_POLYGON : FORM_CLIPPED);
+                // A horizon may cut the outline: twice as far, that is worth less than 2 % of what it gives face on.
+                form = distance - reach > (all_above ? far : 2.0 * far) * radius ? FORM_DISK
+                     : all_above ? FORM_POLYGON : FORM_CLIPPED;
             [[unroll]] for (uint k = 0; k < FORMS; ++k) masks[k] |= form == k ? 1u << i : 0u;
         }
     }

@@ -1,6 +1,7 @@
 //! Adds a batch of lights to the lightmap: cull tiles per form, then evaluate each form over its tiles.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -15,8 +16,8 @@ use super::shared::{
 };
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 
-/// A polygon further away than this many of its radii is evaluated as a disk.
-const FAR: f32 = 6.0;
+/// A polygon further away than this many of its radii is evaluated as a disk; twice as far where a horizon may cut it.
+pub(super) const FAR: f32 = 6.0;
 /// Relative slack of depth comparisons.
 const BIAS: f32 = 2e-3;
 /// Slack of parallel light's depth comparisons, in units of the scene's depth.
@@ -117,9 +118,8 @@ impl AccumulatePass {
         );
         let forms = forms_of(lights);
         for &form in &forms {
-            if !self.pipelines.contains_key(&(form, soft)) {
-                let pipeline = gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft)])?;
-                self.pipelines.insert((form, soft), pipeline);
+            if let Entry::Vacant(entry) = self.pipelines.entry((form, soft)) {
+                entry.insert(gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft)])?);
             }
         }
         let tile_count = receivers.tile_count;

@@ -14,7 +14,7 @@ impl Ticket {
     /// Blocks until the submission has finished.
     ///
     /// # Errors
-    /// [`GpuError::Lost`] with the scopes that were running; [`GpuError::Validation`] if the layer has spoken.
+    /// [`super::GpuError::Lost`] with the scopes that were running; [`super::GpuError::Validation`] if the layer has spoken.
     pub fn wait(&self) -> Result<()> {
         self.gpu.queue().wait(&self.gpu.0, self.value)?;
         self.gpu.check_validation()
