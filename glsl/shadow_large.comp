@@ -1,5 +1,5 @@
 #version 460
-// Draws one listed triangle a workgroup: every invocation takes rows, and solves each for its span of pixels.
+// Draws LARGE_ROWS rows of one listed triangle a workgroup: every invocation takes rows, and solves each for its span of pixels.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "view.glsl"
@@ -7,13 +7,18 @@
 
 layout(local_size_x = 16) in;
 
+layout(constant_id = 0) const bool MASKED = false;
+
 layout(push_constant, scalar) uniform Push {
     Triangles triangles;
     Views views;
     Pairs large;
     ListHeads large_head;
     Uints depth;
+    Cutouts cutouts;
+    Uints bits;
     uint large_capacity;
+    uint first_masked; // triangle
 };
 
 void main() {
@@ -21,7 +26,7 @@ void main() {
     if (index >= min(large_head.at[0].entries, large_capacity)) return;
     uvec2 entry = large.at[index];
     uint face = entry.y & 7;
-    View view = views.at[entry.y >> 3];
+    View view = views.at[entry.y >> 3 & 63];
     Setup s = set_up(triangles.at[entry.x], view, face);
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
     uint height = side ? view.size / 2 : view.size;
@@ -34,6 +39,14 @@ void main() {
         float origin = side ? 0.0 : 1.0;
         first = max(first, ceil((s.low.y + origin) * half_size - 0.5));
         last = min(last, floor((s.high.y + origin) * half_size - 0.5));
+    }
+    first += float((entry.y >> 9) * LARGE_ROWS);
+    last = min(last, first + float(LARGE_ROWS - 1));
+    Cutout cutout;
+    CutoutPlanes planes;
+    if (MASKED) {
+        cutout = cutouts.at[entry.x - first_masked];
+        planes = cutout_planes(s, cutout);
     }
     for (float j = first + float(gl_LocalInvocationIndex); j <= last; j += float(gl_WorkGroupSize.x)) {
         float t = row_center(uint(j), view.size, side);
@@ -54,7 +67,9 @@ void main() {
         float value = s.value.x * column_center(uint(i0), view.size) + s.value.y * t + s.value.z;
         float slope = s.value.x * step;
         for (int i = i0; i <= i1; ++i) {
-            if (value > 0.0) atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
+            bool drawn = value > 0.0;
+            if (MASKED) drawn = drawn && stops(bits, cutout, planes, vec3(column_center(uint(i), view.size), t, 1.0));
+            if (drawn) atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
             value += slope;
         }
     }
