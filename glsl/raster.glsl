@@ -77,6 +77,16 @@ bool stops(Uints bits, Cutout cutout, CutoutPlanes planes, vec3 d) {
     return (word >> (x & 31) & 1) != 0;
 }
 
-// Centres of pixels, from indices and back.
+// A plane at d = (s, t, 1). Both passes round it alike, so that it does not matter which one draws a triangle.
+float at(vec3 plane, float s, float t) {
+    precise float value = plane.x * s + plane.y * t + plane.z;
+    return value;
+}
+
+bool inside(Setup setup, float s, float t) {
+    return min(at(setup.edge[0], s, t), min(at(setup.edge[1], s, t), at(setup.edge[2], s, t))) >= 0.0;
+}
+
+// Centres of pixels.
 float column_center(uint i, uint size) { return (float(i) + 0.5) * (2.0 / float(size)) - 1.0; }
 float row_center(uint j, uint size, bool side) { return (float(j) + 0.5) * (2.0 / float(size)) - (side ? 0.0 : 1.0); }

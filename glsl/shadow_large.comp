@@ -5,7 +5,7 @@
 #include "view.glsl"
 #include "raster.glsl"
 
-layout(local_size_x = 16) in;
+layout(local_size_x = 8, local_size_x_id = 1) in;
 
 layout(constant_id = 0) const bool MASKED = false;
 
@@ -31,7 +31,6 @@ void main() {
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
     uint height = side ? view.size / 2 : view.size;
     float half_size = 0.5 * float(view.size);
-    float step = 2.0 / float(view.size);
     uint base = view.offset + face_offset(face, view.size);
 
     float first = 0.0, last = float(height - 1);
@@ -59,18 +58,16 @@ void main() {
             high = slope < 0.0 ? min(high, bound) : high;
             if (slope == 0.0 && rest < 0.0) high = -2.0;
         }
-        // A thousandth of a pixel wider, so that no rounding opens a gap to a neighbour drawn by shadow_small.
-        // Clamped before and after the conversion: an edge almost along the row has its bound at infinity.
-        int i0 = max(int(ceil((min(low, 2.0) + 1.0) * half_size - 0.501)), 0);
-        int i1 = min(int(floor((max(high, -2.0) + 1.0) * half_size - 0.499)), int(view.size) - 1);
+        // A tenth of a pixel wider than the edges say: each pixel is tested. Clamped before and after the conversion: an
+        // edge almost along the row has its bound at infinity.
+        int i0 = max(int(ceil((min(low, 2.0) + 1.0) * half_size - 0.6)), 0);
+        int i1 = min(int(floor((max(high, -2.0) + 1.0) * half_size - 0.4)), int(view.size) - 1);
         uint row = base + uint(j) * view.size;
-        float value = s.value.x * column_center(uint(i0), view.size) + s.value.y * t + s.value.z;
-        float slope = s.value.x * step;
         for (int i = i0; i <= i1; ++i) {
-            bool drawn = value > 0.0;
-            if (MASKED) drawn = drawn && stops(bits, cutout, planes, vec3(column_center(uint(i), view.size), t, 1.0));
-            if (drawn) atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
-            value += slope;
+            float x = column_center(uint(i), view.size);
+            float value = at(s.value, x, t);
+            if (inside(s, x, t) && value > 0.0 && (!MASKED || stops(bits, cutout, planes, vec3(x, t, 1.0))))
+                atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
         }
     }
 }

@@ -78,20 +78,20 @@ void main() {
         planes = cutout_planes(s, cutout);
     }
     uint base = view.offset + face_offset(face, view.size);
-    float step = 2.0 / float(view.size);
-    float t = row_center(first_pixel.y, view.size, side);
-    float s0 = column_center(first_pixel.x, view.size);
     uint row = base + first_pixel.y * view.size + first_pixel.x;
-    for (uint j = 0; j < rows; ++j) {
-        vec3 d = vec3(s0, t, 1.0);
-        for (uint i = 0; i < columns; ++i) {
-            float value = dot(s.value, d);
-            if (dot(s.edge[0], d) >= 0.0 && dot(s.edge[1], d) >= 0.0 && dot(s.edge[2], d) >= 0.0 && value > 0.0
-                && (!MASKED || stops(bits, cutout, planes, d)))
-                atomicMax(depth.at[row + i], floatBitsToUint(value));
-            d.x += step;
-        }
-        t += step;
-        row += view.size;
+    uint column = 0, line = 0;
+    // One loop, not two: on SIMD processors the longest row of eight triangles would cost all of them its length.
+    for (uint pixel = columns * rows;;) {
+        float x = column_center(first_pixel.x + column, view.size);
+        float y = row_center(first_pixel.y + line, view.size, side);
+        float value = at(s.value, x, y);
+        if (inside(s, x, y) && value > 0.0 && (!MASKED || stops(bits, cutout, planes, vec3(x, y, 1.0))))
+            atomicMax(depth.at[row + column], floatBitsToUint(value));
+        if (--pixel == 0) break;
+        ++column;
+        bool wrap = column == columns;
+        column = wrap ? 0 : column;
+        line += wrap ? 1 : 0;
+        row += wrap ? view.size : 0;
     }
 }

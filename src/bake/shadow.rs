@@ -12,7 +12,7 @@ use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage
 /// Entries of the list of large triangles; what does not fit is drawn, more slowly, by the pass for small ones.
 const LARGE_CAPACITY: u32 = 1 << 20;
 /// Pixels of a triangle's bounding rectangle up to which it counts as small.
-const SMALL_PIXELS: u32 = 24;
+const SMALL_PIXELS: u32 = 96;
 /// Most views of a batch: points have two.
 const MAX_VIEWS: u64 = 2 * BATCH as u64;
 
@@ -85,10 +85,12 @@ const LARGE: [u32; 2] = [2, 3];
 
 impl Drawing {
     fn new(gpu: &Gpu, masked: bool, chunks: u32) -> Result<Self> {
+        // A SIMD register of lavapipe; elsewhere what runs together.
+        let lanes = if gpu.info().kind == "CPU" { 8 } else { 32 };
         let large_bytes = u64::from(LARGE_CAPACITY) * 8;
         Ok(Self {
             small: gpu.pipeline(shaders::SHADOW_SMALL, &[SMALL_PIXELS, masked.into()])?,
-            large: gpu.pipeline(shaders::SHADOW_LARGE, &[masked.into()])?,
+            large: gpu.pipeline(shaders::SHADOW_LARGE, &[masked.into(), lanes])?,
             list: gpu.buffer(
                 "shadow chunks",
                 u64::from(chunks) * 5 * MAX_VIEWS * 8,

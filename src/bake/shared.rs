@@ -35,9 +35,9 @@ pub const MACROS: &[(&str, u32)] = &[
 pub const TILE: u32 = 64;
 /// Triangles per chunk: one workgroup of the shadow pass.
 pub const CHUNK: u32 = 64;
-/// Rows of a large triangle that one workgroup of 16 draws: lavapipe ends an invocation's loops after 65,535 rounds in
+/// Rows of a large triangle that one workgroup draws, at least 8 at a time: lavapipe ends an invocation's loops after 65,535 rounds in
 /// all, and the widest map has 8,192 columns.
-pub const LARGE_ROWS: u32 = 64;
+pub const LARGE_ROWS: u32 = 32;
 /// `Cutout.wrap`: two bits an axis.
 pub const WRAP_REPEAT: u32 = 0;
 /// `Cutout.wrap`.
