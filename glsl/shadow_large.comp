@@ -5,6 +5,7 @@
 #include "view.glsl"
 #include "raster.glsl"
 
+// For lists alone: a plain dispatch would count with the default.
 layout(local_size_x = 8, local_size_x_id = 1) in;
 
 layout(constant_id = 0) const bool MASKED = false;
