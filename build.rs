@@ -129,6 +129,7 @@ const OP_TYPE_ARRAY: u32 = 28;
 const OP_TYPE_STRUCT: u32 = 30;
 const OP_TYPE_POINTER: u32 = 32;
 const OP_CONSTANT: u32 = 43;
+const OP_SPEC_CONSTANT: u32 = 50;
 const OP_VARIABLE: u32 = 59;
 const OP_DECORATE: u32 = 71;
 const OP_MEMBER_DECORATE: u32 = 72;
@@ -169,7 +170,7 @@ impl Module {
                 | OP_TYPE_POINTER => {
                     module.types.insert(o[0], (op, o[1..].to_vec()));
                 }
-                OP_CONSTANT => {
+                OP_CONSTANT | OP_SPEC_CONSTANT => {
                     module.constants.insert(o[1], o[2]);
                 }
                 OP_VARIABLE if o[2] == STORAGE_PUSH_CONSTANT => module.push_pointer = Some(o[0]),

@@ -34,6 +34,14 @@ struct Triangle {
     vec3 a, b, c;
 };
 
+// Where a triangle of a masked material stops light.
+struct Cutout {
+    vec2 uv[3];  // of the corners, transformed; near the origin
+    uint first;  // word of the mask: a bit a texel, rows of whole words
+    uvec2 size;  // texels
+    uint wrap;   // WRAP_* of u, and of v shifted by 2
+};
+
 struct Chunk {
     vec3 center;
     vec3 extent; // half the box
@@ -70,6 +78,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Tex
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Receivers { Receiver at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Tiles { Tile at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Triangles { Triangle at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cutouts { Cutout at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Chunks { Chunk at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Views { View at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { Light at[]; };

@@ -49,6 +49,44 @@ Setup set_up(Triangle triangle, View view, uint face) {
     return s;
 }
 
-// Centres of pixels, from indices and back.
+// Texture coordinates over a masked triangle: u = dot(u, d) / dot(sum, d). The edge functions are its barycentric
+// coordinates but for a factor.
+struct CutoutPlanes {
+    vec3 u, v, sum;
+};
+
+CutoutPlanes cutout_planes(Setup s, Cutout cutout) {
+    return CutoutPlanes(s.edge[0] * cutout.uv[0].x + s.edge[1] * cutout.uv[1].x + s.edge[2] * cutout.uv[2].x,
+                        s.edge[0] * cutout.uv[0].y + s.edge[1] * cutout.uv[1].y + s.edge[2] * cutout.uv[2].y,
+                        s.edge[0] + s.edge[1] + s.edge[2]);
+}
+
+uint wrapped(float coordinate, uint size, uint wrap) {
+    float period = coordinate - floor(coordinate);
+    float mirror = coordinate - 2.0 * floor(0.5 * coordinate);
+    float at = wrap == WRAP_REPEAT ? period : wrap == WRAP_MIRROR ? 1.0 - abs(1.0 - mirror) : coordinate;
+    // Clamped as integers: no coordinate, not even an undefined one, leads out of the mask.
+    return min(uint(clamp(at, 0.0, 1.0) * float(size)), size - 1);
+}
+
+bool stops(Uints bits, Cutout cutout, CutoutPlanes planes, vec3 d) {
+    vec2 uv = vec2(dot(planes.u, d), dot(planes.v, d)) / dot(planes.sum, d);
+    uint x = wrapped(uv.x, cutout.size.x, cutout.wrap & 3);
+    uint y = wrapped(uv.y, cutout.size.y, cutout.wrap >> 2);
+    uint word = bits.at[cutout.first + y * ((cutout.size.x + 31) / 32) + x / 32];
+    return (word >> (x & 31) & 1) != 0;
+}
+
+// A plane at d = (s, t, 1). Both passes round it alike, so that it does not matter which one draws a triangle.
+float at(vec3 plane, float s, float t) {
+    precise float value = plane.x * s + plane.y * t + plane.z;
+    return value;
+}
+
+bool inside(Setup setup, float s, float t) {
+    return min(at(setup.edge[0], s, t), min(at(setup.edge[1], s, t), at(setup.edge[2], s, t))) >= 0.0;
+}
+
+// Centres of pixels.
 float column_center(uint i, uint size) { return (float(i) + 0.5) * (2.0 / float(size)) - 1.0; }
 float row_center(uint j, uint size, bool side) { return (float(j) + 0.5) * (2.0 / float(size)) - (side ? 0.0 : 1.0); }

@@ -10,8 +10,11 @@ layout(push_constant, scalar) uniform Push {
     Chunks chunks;
     Views views;
     Pairs list;
+    Pairs masked_list;
     ListHeads head;
+    ListHeads masked_head;
     uint chunk_count;
+    uint first_masked;
 };
 
 void main() {
@@ -37,8 +40,9 @@ void main() {
             seen = abs(dot(x, offset)) - dot(abs(x), extent) < 1.0 && abs(dot(y, offset)) - dot(abs(y), extent) < 1.0;
         }
         if (seen) {
-            uint slot = atomicAdd(head.at[0].entries, 1);
-            list.at[slot] = uvec2(chunk, view * 8 + face);
+            uvec2 entry = uvec2(chunk, view * 8 + face);
+            if (chunk < first_masked) list.at[atomicAdd(head.at[0].entries, 1)] = entry;
+            else masked_list.at[atomicAdd(masked_head.at[0].entries, 1)] = entry;
         }
     }
 }

@@ -1,11 +1,14 @@
 #version 460
-// Draws one listed triangle a workgroup: every invocation takes rows, and solves each for its span of pixels.
+// Draws LARGE_ROWS rows of one listed triangle a workgroup: every invocation takes rows, and solves each for its span of pixels.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "view.glsl"
 #include "raster.glsl"
 
-layout(local_size_x = 16) in;
+// For lists alone: a plain dispatch would count with the default.
+layout(local_size_x = 8, local_size_x_id = 1) in;
+
+layout(constant_id = 0) const bool MASKED = false;
 
 layout(push_constant, scalar) uniform Push {
     Triangles triangles;
@@ -13,7 +16,10 @@ layout(push_constant, scalar) uniform Push {
     Pairs large;
     ListHeads large_head;
     Uints depth;
+    Cutouts cutouts;
+    Uints bits;
     uint large_capacity;
+    uint first_masked; // triangle
 };
 
 void main() {
@@ -21,12 +27,11 @@ void main() {
     if (index >= min(large_head.at[0].entries, large_capacity)) return;
     uvec2 entry = large.at[index];
     uint face = entry.y & 7;
-    View view = views.at[entry.y >> 3];
+    View view = views.at[entry.y >> 3 & 63];
     Setup s = set_up(triangles.at[entry.x], view, face);
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
     uint height = side ? view.size / 2 : view.size;
     float half_size = 0.5 * float(view.size);
-    float step = 2.0 / float(view.size);
     uint base = view.offset + face_offset(face, view.size);
 
     float first = 0.0, last = float(height - 1);
@@ -34,6 +39,14 @@ void main() {
         float origin = side ? 0.0 : 1.0;
         first = max(first, ceil((s.low.y + origin) * half_size - 0.5));
         last = min(last, floor((s.high.y + origin) * half_size - 0.5));
+    }
+    first += float((entry.y >> 9) * LARGE_ROWS);
+    last = min(last, first + float(LARGE_ROWS - 1));
+    Cutout cutout;
+    CutoutPlanes planes;
+    if (MASKED) {
+        cutout = cutouts.at[entry.x - first_masked];
+        planes = cutout_planes(s, cutout);
     }
     for (float j = first + float(gl_LocalInvocationIndex); j <= last; j += float(gl_WorkGroupSize.x)) {
         float t = row_center(uint(j), view.size, side);
@@ -46,16 +59,16 @@ void main() {
             high = slope < 0.0 ? min(high, bound) : high;
             if (slope == 0.0 && rest < 0.0) high = -2.0;
         }
-        // A thousandth of a pixel wider, so that no rounding opens a gap to a neighbour drawn by shadow_small.
-        // Clamped before and after the conversion: an edge almost along the row has its bound at infinity.
-        int i0 = max(int(ceil((min(low, 2.0) + 1.0) * half_size - 0.501)), 0);
-        int i1 = min(int(floor((max(high, -2.0) + 1.0) * half_size - 0.499)), int(view.size) - 1);
+        // A tenth of a pixel wider than the edges say: each pixel is tested. Clamped before and after the conversion: an
+        // edge almost along the row has its bound at infinity.
+        int i0 = max(int(ceil((min(low, 2.0) + 1.0) * half_size - 0.6)), 0);
+        int i1 = min(int(floor((max(high, -2.0) + 1.0) * half_size - 0.4)), int(view.size) - 1);
         uint row = base + uint(j) * view.size;
-        float value = s.value.x * column_center(uint(i0), view.size) + s.value.y * t + s.value.z;
-        float slope = s.value.x * step;
         for (int i = i0; i <= i1; ++i) {
-            if (value > 0.0) atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
-            value += slope;
+            float x = column_center(uint(i), view.size);
+            float value = at(s.value, x, t);
+            if (inside(s, x, t) && value > 0.0 && (!MASKED || stops(bits, cutout, planes, vec3(x, t, 1.0))))
+                atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
         }
     }
 }

@@ -10,20 +10,29 @@ layout(local_size_x = 64) in;
 
 // Pixels of the bounding rectangle up to which a triangle is drawn here.
 layout(constant_id = 0) const uint SMALL = 32;
+// The triangles have cutouts.
+layout(constant_id = 1) const bool MASKED = false;
 
 layout(push_constant, scalar) uniform Push {
     Triangles triangles;
     Chunks chunks;
     Views views;
     Pairs list;
+    ListHeads head;
     Pairs large;
     ListHeads large_head;
     Uints depth;
+    Cutouts cutouts;
+    Uints bits;
     uint large_capacity;
+    uint first_masked; // triangle
 };
 
 void main() {
-    uvec2 entry = list.at[list_index()];
+    // Lists are dispatched as whole rows: what lies past the end is of earlier batches.
+    uint index = list_index();
+    if (index >= head.at[0].entries) return;
+    uvec2 entry = list.at[index];
     uint first = chunks.at[entry.x].first;
     uint count = chunks.at[entry.x].count;
     if (gl_LocalInvocationIndex >= count) return;
@@ -50,26 +59,39 @@ void main() {
     uint rows = last_pixel.y - first_pixel.y + 1;
     bool here = columns * rows <= SMALL;
     if (!here) {
-        uint slot = atomicAdd(large_head.at[0].entries, 1);
-        if (slot < large_capacity) large.at[slot] = uvec2(triangle, entry.y);
-        else here = true;
+        uint parts = (rows + LARGE_ROWS - 1) / LARGE_ROWS;
+        uint slot = atomicAdd(large_head.at[0].entries, parts);
+        if (slot <= large_capacity && large_capacity - slot >= parts)
+            for (uint part = 0; part < parts; ++part) large.at[slot + part] = uvec2(triangle, entry.y | part << 9);
+        else {
+            // No room for all of them: what was taken is left empty.
+            for (uint part = slot; part < min(slot + parts, large_capacity); ++part) large.at[part] = uvec2(triangle, entry.y | 0xfffffe00u);
+            here = true;
+        }
     }
     if (!here) return;
 
+    Cutout cutout;
+    CutoutPlanes planes;
+    if (MASKED) {
+        cutout = cutouts.at[triangle - first_masked];
+        planes = cutout_planes(s, cutout);
+    }
     uint base = view.offset + face_offset(face, view.size);
-    float step = 2.0 / float(view.size);
-    float t = row_center(first_pixel.y, view.size, side);
-    float s0 = column_center(first_pixel.x, view.size);
     uint row = base + first_pixel.y * view.size + first_pixel.x;
-    for (uint j = 0; j < rows; ++j) {
-        vec3 d = vec3(s0, t, 1.0);
-        for (uint i = 0; i < columns; ++i) {
-            float value = dot(s.value, d);
-            if (dot(s.edge[0], d) >= 0.0 && dot(s.edge[1], d) >= 0.0 && dot(s.edge[2], d) >= 0.0 && value > 0.0)
-                atomicMax(depth.at[row + i], floatBitsToUint(value));
-            d.x += step;
-        }
-        t += step;
-        row += view.size;
+    uint column = 0, line = 0;
+    // One loop, not two: on SIMD processors the longest row of eight triangles would cost all of them its length.
+    for (uint pixel = columns * rows;;) {
+        float x = column_center(first_pixel.x + column, view.size);
+        float y = row_center(first_pixel.y + line, view.size, side);
+        float value = at(s.value, x, y);
+        if (inside(s, x, y) && value > 0.0 && (!MASKED || stops(bits, cutout, planes, vec3(x, y, 1.0))))
+            atomicMax(depth.at[row + column], floatBitsToUint(value));
+        if (--pixel == 0) break;
+        ++column;
+        bool wrap = column == columns;
+        column = wrap ? 0 : column;
+        line += wrap ? 1 : 0;
+        row += wrap ? view.size : 0;
     }
 }

@@ -1,6 +1,7 @@
 //! The loop: what is accumulated when, and the passes that do it, each beside the shader of the same stem.
 
 mod accumulate;
+mod cutout;
 mod enclosed;
 mod list;
 mod occluders;
@@ -12,6 +13,7 @@ mod run;
 mod settings;
 mod shaders;
 mod shadow;
+mod shadow_bench;
 pub mod shared;
 mod update;
 pub mod uv_raster;
@@ -24,7 +26,10 @@ pub use run::{BakeError, Baked, Job, bake};
 pub use settings::{
     Clusters, MAX_BOUNCES, Options, Preset, Quality, Settings, SettingsError, fixed_point_bits,
 };
+pub use shadow_bench::{ShadowBench, ShadowCost};
 pub use update::{Illumination, Sign};
 
+#[cfg(test)]
+mod depth_oracle;
 #[cfg(test)]
 mod oracle;

@@ -1,21 +1,21 @@
 //! Slow, obvious twins of the GPU passes, and the tests that hold the passes to them.
 
 use arrayvec::ArrayVec;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 
 use super::accumulate::{AccumulatePass, Evaluation};
 use super::occluders::Occluders;
 use super::place::Receivers;
-use super::records::{self, Light, ShadowSizes, View};
+use super::records::{self, Light, ShadowSizes};
 use super::shaders;
 use super::shadow::ShadowPass;
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Stage};
 use crate::lightmap::Texel;
-use crate::scene::{Bounds, Mesh, Object, Primitive, Scene};
+use crate::scene::{AlphaMode, Bounds, Material, Mesh, Object, Primitive, Scene};
 
 /// The device under test, with the validation layer where it is installed.
-fn gpu() -> Gpu {
+pub(super) fn gpu() -> Gpu {
     match Gpu::new(&GpuOptions {
         device: None,
         validate: true,
@@ -29,10 +29,10 @@ fn gpu() -> Gpu {
 }
 
 /// Uniform numbers in 0..1 from a counter.
-struct Numbers(u64);
+pub(super) struct Numbers(pub(super) u64);
 
 impl Numbers {
-    fn next(&mut self) -> f32 {
+    pub(super) fn next(&mut self) -> f32 {
         self.0 = self
             .0
             .wrapping_mul(6364136223846793005)
@@ -40,7 +40,7 @@ impl Numbers {
         ((self.0 >> 40) as f32) / (1u64 << 24) as f32
     }
 
-    fn vector(&mut self) -> Vec3 {
+    pub(super) fn vector(&mut self) -> Vec3 {
         Vec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0
     }
 
@@ -55,7 +55,7 @@ impl Numbers {
 }
 
 /// One mesh of loose triangles.
-fn soup(triangles: &[[Vec3; 3]]) -> Scene {
+pub(super) fn soup(triangles: &[[Vec3; 3]]) -> Scene {
     let count = triangles.len() as u32;
     let mesh = Mesh {
         positions: triangles.iter().flatten().copied().collect(),
@@ -71,6 +71,16 @@ fn soup(triangles: &[[Vec3; 3]]) -> Scene {
     };
     Scene {
         meshes: vec![mesh.into()],
+        materials: vec![Material {
+            name: String::new(),
+            source: None,
+            base_color: Vec4::ONE,
+            base_color_texture: None,
+            emission: Vec3::ZERO,
+            emission_texture: None,
+            double_sided: false,
+            alpha: AlphaMode::Opaque,
+        }],
         objects: vec![Object {
             name: "soup".into(),
             node: 0,
@@ -99,7 +109,7 @@ fn random_texels(numbers: &mut Numbers, tiles: usize, half: f32) -> Vec<Texel> {
         .collect()
 }
 
-const SIZES: ShadowSizes = ShadowSizes {
+pub(super) const SIZES: ShadowSizes = ShadowSizes {
     indirect: 64,
     direct: 128,
     sun: 256,
@@ -110,7 +120,7 @@ const EVALUATION: Evaluation = Evaluation {
     disk_area: 0.3,
 };
 
-fn bounds() -> Bounds {
+pub(super) fn bounds() -> Bounds {
     Bounds {
         min: Vec3::splat(-4.0),
         max: Vec3::splat(4.0),
@@ -210,7 +220,7 @@ fn irradiance(light: &VirtualLight, p: DVec3, n: DVec3) -> DVec3 {
     }
 }
 
-fn random_light(numbers: &mut Numbers, kind: usize) -> VirtualLight {
+pub(super) fn random_light(numbers: &mut Numbers, kind: usize) -> VirtualLight {
     let normal = numbers.direction();
     let position = numbers.vector() * 2.0;
     let (u, v) = normal.any_orthonormal_pair();
@@ -305,109 +315,6 @@ impl Texel {
     }
 }
 
-/// Inverse depth of the nearest triangle along `d` (whose component along the face's axis is 1), in double precision;
-/// also the same with all triangles grown and shrunk a little, between which any rounding must end.
-fn nearest(triangles: &[[Vec3; 3]], origin: Vec3, d: DVec3, grow: f64) -> f64 {
-    triangles
-        .iter()
-        .filter_map(|t| {
-            let [a, b, c] = t.map(|v| (v - origin).as_dvec3());
-            let normal = (b - a).cross(c - a);
-            let along = normal.dot(a) / normal.dot(d);
-            let hit = d * along;
-            let weight =
-                |p: DVec3, q: DVec3| (q - p).cross(hit - p).dot(normal) / normal.length_squared();
-            let inside = weight(a, b).min(weight(b, c)).min(weight(c, a)) >= -grow;
-            (along > 0.0 && inside).then(|| 1.0 / along)
-        })
-        .fold(0.0, f64::max)
-}
-
-#[test]
-fn depth_maps_hold_the_nearest_triangle_of_every_pixel() {
-    let gpu = gpu();
-    let mut numbers = Numbers(11);
-    // Small and large triangles, some through the planes of the view's faces, some behind it.
-    let triangles: Vec<[Vec3; 3]> = (0..300)
-        .map(|i| {
-            let center = numbers.vector() * 3.0;
-            let size = if i % 10 == 0 { 2.5 } else { 0.15 };
-            [0; 3].map(|_| center + numbers.vector() * size)
-        })
-        .collect();
-    let scene = soup(&triangles);
-    let occluders = Occluders::new(&gpu, &scene).expect("upload");
-    let shadow = ShadowPass::new(&gpu, &occluders, 1 << 20).expect("buffers");
-    for kind in [1, 4] {
-        let light = random_light(&mut numbers, kind);
-        let sizes = ShadowSizes { sun: 96, ..SIZES };
-        let (mut views, mut offset) = (Vec::new(), 0);
-        records::record(&light, 1, &sizes, &bounds(), &mut views, &mut offset);
-        let mut cmd = gpu.commands().expect("recording");
-        shadow
-            .record(&mut cmd, &occluders, &views)
-            .expect("recording");
-        cmd.submit()
-            .expect("submission")
-            .wait()
-            .expect("no validation message");
-        let depth = shadow.read_depth(offset as usize).expect("read-back");
-        let mut wrong = 0;
-        for (index, got) in depth.iter().enumerate() {
-            let got = f64::from(*got);
-            let (low, high) = pixel_truth(&views[0], index as u32, &triangles);
-            if got < low * (1.0 - 1e-4) || got > high * (1.0 + 1e-4) {
-                wrong += 1;
-            }
-        }
-        assert_eq!(wrong, 0, "kind {kind}: of {} pixels", depth.len());
-        assert!(depth.iter().any(|d| *d > 0.0), "something was drawn");
-    }
-}
-
-/// Bounds of what pixel `index` of `view` may hold.
-fn pixel_truth(view: &View, index: u32, triangles: &[[Vec3; 3]]) -> (f64, f64) {
-    let size = view.size;
-    let axes = [view.x, view.y, view.z].map(|a| Vec3::from_array(a).as_dvec3());
-    let center = |i: u32| (f64::from(i) + 0.5) * 2.0 / f64::from(size) - 1.0;
-    if view.kind == super::shared::VIEW_ORTHOGRAPHIC {
-        // A ray from the light's side; the stored value is z . (hit - origin).
-        let [x, y, z] = axes;
-        let (s, t) = (center(index % size), center(index / size));
-        let base = x * (s / x.length_squared())
-            + y * (t / y.length_squared())
-            + Vec3::from_array(view.origin).as_dvec3();
-        let start = base + z / z.length_squared() * 2.0;
-        let d = -z / z.length_squared();
-        let value = |grow| {
-            let inverse = nearest(triangles, start.as_vec3(), d, grow);
-            if inverse > 0.0 {
-                2.0 - 1.0 / inverse
-            } else {
-                0.0
-            }
-        };
-        return (value(-2e-3), value(2e-3));
-    }
-    let (face, column, row) = if index < size * size {
-        (0, index % size, index / size)
-    } else {
-        let rest = index - size * size;
-        let half = size * size / 2;
-        (1 + rest / half, rest % half % size, rest % half / size)
-    };
-    let [x, y, z] = axes;
-    let (u, v, w) = [(x, y, z), (y, z, x), (y, z, -x), (x, z, y), (x, z, -y)][face as usize];
-    let t = if face == 0 {
-        center(row)
-    } else {
-        center(row) + 1.0
-    };
-    let d = u * center(column) + v * t + w;
-    let value = |grow| nearest(triangles, Vec3::from_array(view.origin), d, grow);
-    (value(-2e-3), value(2e-3))
-}
-
 #[test]
 fn what_is_subtracted_was_added() {
     let gpu = gpu();
@@ -475,6 +382,15 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
             ],
         ),
         (
+            "Cutout",
+            &[
+                offset_of!(records::Cutout, uv),
+                offset_of!(records::Cutout, first),
+                offset_of!(records::Cutout, size),
+                offset_of!(records::Cutout, wrap),
+            ],
+        ),
+        (
             "Chunk",
             &[
                 offset_of!(records::Chunk, center),
@@ -486,14 +402,14 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
         (
             "View",
             &[
-                offset_of!(View, origin),
-                offset_of!(View, x),
-                offset_of!(View, y),
-                offset_of!(View, z),
-                offset_of!(View, offset),
-                offset_of!(View, size),
-                offset_of!(View, kind),
-                offset_of!(View, cos_cone),
+                offset_of!(records::View, origin),
+                offset_of!(records::View, x),
+                offset_of!(records::View, y),
+                offset_of!(records::View, z),
+                offset_of!(records::View, offset),
+                offset_of!(records::View, size),
+                offset_of!(records::View, kind),
+                offset_of!(records::View, cos_cone),
             ],
         ),
         (

@@ -42,6 +42,16 @@ pub(super) struct Triangle {
     pub c: [f32; 3],
 }
 
+/// `Cutout`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct Cutout {
+    pub uv: [[f32; 2]; 3],
+    pub first: u32,
+    pub size: [u32; 2],
+    pub wrap: u32,
+}
+
 /// `Chunk`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

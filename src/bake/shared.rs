@@ -20,6 +20,10 @@ pub const MACROS: &[(&str, u32)] = &[
     ("FORM_PUNCTUAL", FORM_PUNCTUAL),
     ("FORM_DIRECTIONAL", FORM_DIRECTIONAL),
     ("FORMS", FORMS),
+    ("LARGE_ROWS", LARGE_ROWS),
+    ("WRAP_REPEAT", WRAP_REPEAT),
+    ("WRAP_MIRROR", WRAP_MIRROR),
+    ("WRAP_CLAMP", WRAP_CLAMP),
     ("UV_UNIT", UV_UNIT),
     ("UV_REACH", UV_REACH),
     ("CLAIM_EDGE", CLAIM_EDGE),
@@ -31,6 +35,15 @@ pub const MACROS: &[(&str, u32)] = &[
 pub const TILE: u32 = 64;
 /// Triangles per chunk: one workgroup of the shadow pass.
 pub const CHUNK: u32 = 64;
+/// Rows of a large triangle that one workgroup draws, at least 8 at a time: lavapipe ends an invocation's loops after 65,535 rounds in
+/// all, and the widest map has 8,192 columns.
+pub const LARGE_ROWS: u32 = 32;
+/// `Cutout.wrap`: two bits an axis.
+pub const WRAP_REPEAT: u32 = 0;
+/// `Cutout.wrap`.
+pub const WRAP_MIRROR: u32 = 1;
+/// `Cutout.wrap`.
+pub const WRAP_CLAMP: u32 = 2;
 /// Most lights per batch: one bit each in a tile's mask.
 pub const BATCH: u32 = 32;
 /// Lists are dispatched as rows of this many workgroups: the guaranteed limit is 65,535 a dimension.

@@ -1,0 +1,216 @@
+//! The depth maps' slow twin: every pixel's ray against every triangle, in double precision.
+
+use glam::{Affine2, DVec3, Vec2, Vec3};
+
+use super::occluders::Occluders;
+use super::oracle::{Numbers, SIZES, bounds, gpu, random_light, soup};
+use super::records::{self, ShadowSizes, View};
+use super::shadow::ShadowPass;
+use crate::gpu::Gpu;
+use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Wrap};
+
+/// Where a triangle stops light: (triangle, weights of its corners, how far to ask around). Positive distances: anywhere
+/// there; negative: everywhere.
+type Stops<'a> = &'a dyn Fn(usize, DVec3, f64) -> bool;
+
+/// Inverse depth of the nearest triangle along `d` (whose component along the face's axis is 1), in double precision;
+/// also the same with all triangles grown and shrunk a little, between which any rounding must end.
+fn nearest(triangles: &[[Vec3; 3]], stops: Stops, origin: Vec3, d: DVec3, grow: f64) -> f64 {
+    triangles
+        .iter()
+        .enumerate()
+        .filter_map(|(index, t)| {
+            let [a, b, c] = t.map(|v| (v - origin).as_dvec3());
+            let normal = (b - a).cross(c - a);
+            let along = normal.dot(a) / normal.dot(d);
+            let hit = d * along;
+            let weight =
+                |p: DVec3, q: DVec3| (q - p).cross(hit - p).dot(normal) / normal.length_squared();
+            let weights = DVec3::new(weight(b, c), weight(c, a), weight(a, b));
+            let inside = weights.min_element() >= -grow && stops(index, weights, grow);
+            (along > 0.0 && inside).then(|| 1.0 / along)
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Small and large triangles, some through the planes of the view's faces, some behind it.
+fn triangles(numbers: &mut Numbers, count: usize) -> Vec<[Vec3; 3]> {
+    (0..count)
+        .map(|i| {
+            let center = numbers.vector() * 3.0;
+            let size = if i % 10 == 0 { 2.5 } else { 0.15 };
+            [0; 3].map(|_| center + numbers.vector() * size)
+        })
+        .collect()
+}
+
+/// Draws `scene` from two random lights and compares every pixel.
+fn compare(gpu: &Gpu, numbers: &mut Numbers, scene: &Scene, triangles: &[[Vec3; 3]], stops: Stops) {
+    let occluders = Occluders::new(gpu, scene).expect("upload");
+    let shadow = ShadowPass::new(gpu, &occluders, 1 << 20).expect("buffers");
+    for kind in [1, 4] {
+        let light = random_light(numbers, kind);
+        let sizes = ShadowSizes { sun: 96, ..SIZES };
+        let (mut views, mut offset) = (Vec::new(), 0);
+        records::record(&light, 1, &sizes, &bounds(), &mut views, &mut offset);
+        let mut cmd = gpu.commands().expect("recording");
+        shadow
+            .record(&mut cmd, &occluders, &views)
+            .expect("recording");
+        cmd.submit()
+            .expect("submission")
+            .wait()
+            .expect("no validation message");
+        let depth = shadow.read_depth(offset as usize).expect("read-back");
+        let wrong: Vec<_> = (0..)
+            .zip(&depth)
+            .filter_map(|(index, got)| {
+                let (low, high) = pixel_truth(&views[0], index, triangles, stops);
+                let got = f64::from(*got);
+                // Parallel depths reach 0, where only what is a rounding error of 1 can be asked for.
+                let wrong = got < low * (1.0 - 1e-4) - 2e-6 || got > high * (1.0 + 1e-4) + 2e-6;
+                wrong.then_some((index, low, got, high))
+            })
+            .collect();
+        assert_eq!(wrong, [], "kind {kind}: of {} pixels", depth.len());
+        assert!(depth.iter().any(|d| *d > 0.0), "something was drawn");
+    }
+}
+
+#[test]
+fn depth_maps_hold_the_nearest_triangle_of_every_pixel() {
+    let mut numbers = Numbers(11);
+    let triangles = triangles(&mut numbers, 300);
+    let scene = soup(&triangles);
+    compare(&gpu(), &mut numbers, &scene, &triangles, &|_, _, _| true);
+}
+
+#[test]
+fn masked_texels_let_light_pass() {
+    const SIZE: usize = 37;
+    const WRAPS: [Wrap; 3] = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
+    let mut numbers = Numbers(5);
+    let triangles = triangles(&mut numbers, 240);
+    let mut scene = soup(&triangles);
+    // Blocks of texels, so that some triangles lie within one.
+    let alpha = |x: usize, y: usize| {
+        if (x / 5 * 7 + y / 6 * 3) % 4 < 2 {
+            153
+        } else {
+            152
+        }
+    };
+    scene.textures.push(
+        Texture {
+            width: SIZE as u32,
+            height: SIZE as u32,
+            texels: (0..SIZE * SIZE)
+                .map(|i| [9, 9, 9, alpha(i % SIZE, i / SIZE)])
+                .collect(),
+        }
+        .into(),
+    );
+    let transform = Affine2::from_scale_angle_translation(Vec2::new(0.7, 1.2), 0.4, Vec2::X);
+    scene.materials = WRAPS
+        .iter()
+        .map(|wrap| Material {
+            base_color_texture: Some(TextureRef {
+                texture: 0,
+                texcoord: 1,
+                transform,
+                wrap: [*wrap, WRAPS[0]],
+            }),
+            alpha: AlphaMode::Mask { cutoff: 0.599 },
+            ..scene.materials[0].clone()
+        })
+        .collect();
+    let mut mesh = (*scene.meshes[0]).clone();
+    let uvs: Vec<Vec2> = (0..triangles.len())
+        .flat_map(|i| {
+            let spread = if i % 3 == 0 { 0.05 } else { 1.5 };
+            let center = numbers.vector() * 2.0;
+            [0; 3].map(|_| (center + numbers.vector() * spread).truncate())
+        })
+        .collect();
+    mesh.texcoords[1] = uvs.clone();
+    let whole = mesh.primitives[0].clone();
+    mesh.primitives = (0..3)
+        .map(|material| crate::scene::Primitive {
+            triangles: material * 80..(material + 1) * 80,
+            vertices: material * 240..(material + 1) * 240,
+            material,
+            ..whole.clone()
+        })
+        .collect();
+    scene.meshes[0] = mesh.into();
+
+    let stops = |triangle: usize, weights: DVec3, grow: f64| {
+        let wrap = WRAPS[triangle / 80];
+        let uv = [0, 1, 2].map(|k| transform.transform_point2(uvs[3 * triangle + k]).as_dvec2());
+        let uv = uv[0] * weights.x + uv[1] * weights.y + uv[2] * weights.z;
+        let texel = |at: f64, wrap: Wrap| {
+            let at = match wrap {
+                Wrap::Repeat => at.rem_euclid(1.0),
+                Wrap::Mirror if at.rem_euclid(2.0) > 1.0 => 2.0 - at.rem_euclid(2.0),
+                Wrap::Mirror => at.rem_euclid(2.0),
+                Wrap::Clamp => at.clamp(0.0, 1.0),
+            };
+            ((at * SIZE as f64) as usize).min(SIZE - 1)
+        };
+        // Slivers lose digits: asked for within three quarters of a texel.
+        let mut near = (0..25).map(|i| {
+            let around = glam::DVec2::new(f64::from(i % 5), f64::from(i / 5)) - 2.0;
+            let at = uv + around * 5.0 * grow.abs();
+            alpha(texel(at.x, wrap), texel(at.y, WRAPS[0])) == 153
+        });
+        if grow < 0.0 {
+            near.all(|stops| stops)
+        } else {
+            near.any(|stops| stops)
+        }
+    };
+    compare(&gpu(), &mut numbers, &scene, &triangles, &stops);
+}
+
+/// Bounds of what pixel `index` of `view` may hold.
+fn pixel_truth(view: &View, index: u32, triangles: &[[Vec3; 3]], stops: Stops) -> (f64, f64) {
+    let size = view.size;
+    let axes = [view.x, view.y, view.z].map(|a| Vec3::from_array(a).as_dvec3());
+    let center = |i: u32| (f64::from(i) + 0.5) * 2.0 / f64::from(size) - 1.0;
+    if view.kind == super::shared::VIEW_ORTHOGRAPHIC {
+        // A ray from the light's side; the stored value is z . (hit - origin).
+        let [x, y, z] = axes;
+        let (s, t) = (center(index % size), center(index / size));
+        let base = x * (s / x.length_squared())
+            + y * (t / y.length_squared())
+            + Vec3::from_array(view.origin).as_dvec3();
+        let start = base + z / z.length_squared() * 2.0;
+        let d = -z / z.length_squared();
+        let value = |grow| {
+            let inverse = nearest(triangles, stops, start.as_vec3(), d, grow);
+            if inverse > 0.0 {
+                (2.0 - 1.0 / inverse).max(0.0)
+            } else {
+                0.0
+            }
+        };
+        return (value(-2e-3), value(2e-3));
+    }
+    let (face, column, row) = if index < size * size {
+        (0, index % size, index / size)
+    } else {
+        let rest = index - size * size;
+        let half = size * size / 2;
+        (1 + rest / half, rest % half % size, rest % half / size)
+    };
+    let [x, y, z] = axes;
+    let (u, v, w) = [(x, y, z), (y, z, x), (y, z, -x), (x, z, y), (x, z, -y)][face as usize];
+    let t = if face == 0 {
+        center(row)
+    } else {
+        center(row) + 1.0
+    };
+    let d = u * center(column) + v * t + w;
+    let value = |grow| nearest(triangles, stops, Vec3::from_array(view.origin), d, grow);
+    (value(-2e-3), value(2e-3))
+}
