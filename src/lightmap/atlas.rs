@@ -3,23 +3,24 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{DMat3, Mat3, UVec2, Vec3};
+use glam::UVec2;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::authored::{Refusal, authored, verbatim};
-use super::edges::charts;
+use super::authored::verbatim;
+use super::coverage::fetched;
+use super::error::LightmapError;
+use super::shape::{Laid, Shape, shapes, snap};
 use super::skyline::Skyline;
-use super::unwrap::{triangle_area, unwrap};
-use super::{Atlas, ObjectAtlas, UvLayout, UvSource};
-use crate::scene::{Mesh, Scene};
+use super::{Atlas, ObjectAtlas, UvSource};
+use crate::scene::Scene;
 
 /// How the atlas is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AtlasOptions {
     /// Texels per metre; none: from `texels`.
     pub density: Option<f32>,
-    /// Texels that the scene's surface should cover, those around the charts' borders not counted.
+    /// Texels to be lit, those around the charts' borders included: the density that comes closest.
     pub texels: u64,
     /// What `texels` makes the atlas at most, texels per metre: small scenes need no more.
     pub max_density: f32,
@@ -36,72 +37,6 @@ impl Default for AtlasOptions {
             page_size: None,
         }
     }
-}
-
-/// Why there is no atlas.
-#[derive(Debug, thiserror::Error)]
-pub enum LightmapError {
-    /// Nothing to light.
-    #[error("the scene has no surface: add a mesh to a node of the default scene")]
-    NoSurface,
-    /// An option out of range.
-    #[error("{option} must be {requirement}")]
-    Option {
-        /// As on the command line.
-        option: &'static str,
-        /// What would be right.
-        requirement: &'static str,
-    },
-    /// Positions or a transform with NaN or infinity.
-    #[error(
-        "object '{object}' has a position or a transform that is not a number: repair it in the modelling tool"
-    )]
-    NotFinite {
-        /// The object's name.
-        object: String,
-    },
-    /// One object is larger than a page.
-    #[error(
-        "object '{object}' needs {width} x {height} texels, and a page has {page_size} x {page_size}: lower --density, raise --page-size, or split the object"
-    )]
-    TooLarge {
-        /// The object's name.
-        object: String,
-        /// Texels.
-        width: u64,
-        /// Texels.
-        height: u64,
-        /// Texels.
-        page_size: u32,
-    },
-    /// More texels than can be addressed.
-    #[error(
-        "{pages} pages of {page_size} x {page_size} are more than can be addressed: lower --density or --page-size"
-    )]
-    TooManyPages {
-        /// Number of pages.
-        pages: usize,
-        /// Texels.
-        page_size: u32,
-    },
-    /// Unwrapping failed.
-    #[error("object '{object}' cannot be unwrapped ({reason}): give it a TEXCOORD_1, or split it")]
-    Unwrap {
-        /// The object's name.
-        object: String,
-        /// From the unwrapper.
-        reason: String,
-    },
-    /// A written atlas does not fit the scene.
-    #[error(
-        "object '{object}' does not fit the recorded atlas ({reason}): repeat with the scene.glb that was written beside it"
-    )]
-    Repeat {
-        /// The object's name.
-        object: String,
-        /// What does not fit.
-        reason: String,
-    },
 }
 
 /// Where an object lies in the atlas, as the files record it.
@@ -129,16 +64,16 @@ pub struct Placement {
 const LARGEST_PAGE: u32 = 4096;
 /// The smallest page.
 const SMALLEST_PAGE: u32 = 16;
-/// Layouts are snapped to this part of a texel. Then coordinates survive the way through a file bit for bit: a corner in
-/// a page of 16384 texels takes 14 + 8 bits, and f32 has 24.
-const SNAP: f32 = 256.0;
+/// A budget counts as met within this share of it.
+const TOLERANCE: f64 = 0.02;
+/// How often the density is corrected to meet it.
+const CORRECTIONS: usize = 2;
 
 impl Atlas {
     /// Makes the layout of every object and packs their rectangles. The result depends on the scene and the options alone.
     pub fn build(scene: &Scene, options: &AtlasOptions) -> Result<Self, LightmapError> {
         check(options)?;
         let shapes = shapes(scene)?;
-        let surface: f64 = shapes.iter().map(|s| s.area * s.objects.len() as f64).sum();
         if scene
             .objects
             .iter()
@@ -146,25 +81,20 @@ impl Atlas {
         {
             return Err(LightmapError::NoSurface);
         }
-        let density = options.density.unwrap_or_else(|| {
-            ((options.texels as f64 / surface).sqrt() as f32).min(options.max_density)
-        });
         let limit = options.page_size.unwrap_or(LARGEST_PAGE);
+        let (density, laid) = match options.density {
+            Some(density) => (density, lay_out(&shapes, scene, density, limit, None)?),
+            None => within_budget(&shapes, scene, options, limit)?,
+        };
         let mut objects: Vec<Option<ObjectAtlas>> = vec![None; scene.objects.len()];
-        let layouts: Vec<_> = shapes
-            .par_iter()
-            .map(|shape| shape.layout(scene, density, limit))
-            .collect();
-        for (shape, layout) in shapes.iter().zip(layouts) {
-            let (layout, size, source) = layout?;
-            let layout = Arc::new(layout);
+        for (shape, laid) in shapes.iter().zip(laid) {
+            let layout = Arc::new(laid.layout);
             for &object in &shape.objects {
-                let (page, origin) = (0, UVec2::ZERO);
                 objects[object as usize] = Some(ObjectAtlas {
-                    page,
-                    origin,
-                    size,
-                    source,
+                    page: 0,
+                    origin: UVec2::ZERO,
+                    size: laid.size,
+                    source: laid.source,
                     layout: layout.clone(),
                 });
             }
@@ -277,6 +207,75 @@ impl Atlas {
     }
 }
 
+/// Lays every shape out at a density. `first` are the layouts at another one: then charts are kept and only packed anew.
+fn lay_out(
+    shapes: &[Shape],
+    scene: &Scene,
+    density: f32,
+    limit: u32,
+    first: Option<&[Laid]>,
+) -> Result<Vec<Laid>, LightmapError> {
+    // Collected in order, so that the first error is the same one whatever the threads do.
+    let laid: Vec<Result<Laid, LightmapError>> = shapes
+        .par_iter()
+        .enumerate()
+        .map(|(i, shape)| shape.lay_out(scene, density, limit, first.map(|first| &first[i])))
+        .collect();
+    laid.into_iter().collect()
+}
+
+/// Finds the density at which `options.texels` are lit.
+fn within_budget(
+    shapes: &[Shape],
+    scene: &Scene,
+    options: &AtlasOptions,
+    limit: u32,
+) -> Result<(f32, Vec<Laid>), LightmapError> {
+    let surface: f64 = shapes.iter().map(|s| s.area * s.objects.len() as f64).sum();
+    let budget = options.texels as f64;
+    let start = (budget / surface).sqrt() as f32;
+    let start = if start.is_finite() {
+        start.min(options.max_density)
+    } else {
+        1.0
+    };
+    let first = lay_out(shapes, scene, start, limit, None)?;
+    let (mut density, mut lit) = (start, lit(shapes, &first));
+    let mut better = None;
+    for _ in 0..CORRECTIONS {
+        if (lit - budget).abs() <= TOLERANCE * budget
+            || lit < budget && density >= options.max_density
+        {
+            break;
+        }
+        // Texels inside charts go with the density squared, those along their borders with the density.
+        let at = f64::from(density);
+        let border = (lit - surface * at * at).max(0.0) / at;
+        let next = if surface > 0.0 {
+            ((border * border + 4.0 * surface * budget).sqrt() - border) / (2.0 * surface)
+        } else {
+            break;
+        };
+        density = (next as f32).min(options.max_density);
+        let laid = lay_out(shapes, scene, density, limit, Some(&first))?;
+        lit = self::lit(shapes, &laid);
+        better = Some(laid);
+    }
+    Ok((density, better.unwrap_or(first)))
+}
+
+/// Texels that bilinear filtering can fetch, over all objects.
+fn lit(shapes: &[Shape], laid: &[Laid]) -> f64 {
+    let counts = shapes.par_iter().zip(laid).map(|(shape, laid)| {
+        let count = fetched(&laid.layout, laid.size)
+            .iter()
+            .filter(|f| **f)
+            .count();
+        (count * shape.objects.len()) as u64
+    });
+    counts.sum::<u64>() as f64
+}
+
 fn check(options: &AtlasOptions) -> Result<(), LightmapError> {
     let positive = |v: f32| v.is_finite() && v > 0.0;
     let tests = [
@@ -306,164 +305,6 @@ fn check(options: &AtlasOptions) -> Result<(), LightmapError> {
         }),
         None => Ok(()),
     }
-}
-
-/// A mesh at one scale: what objects share a layout for.
-struct Shape {
-    objects: Vec<u32>,
-    mesh: u32,
-    /// Vertex positions, metres of the world up to a rotation.
-    positions: Vec<Vec3>,
-    /// m².
-    area: f64,
-}
-
-/// Groups the objects, in the order of each group's first.
-fn shapes(scene: &Scene) -> Result<Vec<Shape>, LightmapError> {
-    let mut groups: BTreeMap<(u32, [u32; 9]), Vec<u32>> = BTreeMap::new();
-    for (i, object) in scene.objects.iter().enumerate() {
-        let scale = canonical_scale(object.transform.matrix3.into());
-        let key = (object.mesh, scale.to_cols_array().map(f32::to_bits));
-        groups.entry(key).or_default().push(i as u32);
-    }
-    let mut shapes = groups
-        .into_par_iter()
-        .map(|((mesh, scale), objects)| {
-            let scale = Mat3::from_cols_array(&scale.map(f32::from_bits));
-            let data = &scene.meshes[mesh as usize];
-            let positions: Vec<Vec3> = data.positions.iter().map(|p| scale * *p).collect();
-            let object = &scene.objects[objects[0] as usize];
-            if !object.transform.is_finite() || positions.iter().any(|p| !p.is_finite()) {
-                return Err(LightmapError::NotFinite {
-                    object: object.name.clone(),
-                });
-            }
-            let area = data
-                .triangles
-                .iter()
-                .map(|t| triangle_area(&positions, t))
-                .sum();
-            Ok(Shape {
-                objects,
-                mesh,
-                positions,
-                area,
-            })
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    shapes.sort_by_key(|s| s.objects[0]);
-    Ok(shapes)
-}
-
-/// The scale and shear of a transform without its rotation and mirroring: the upper triangular R with RᵀR = MᵀM, rounded to
-/// one part in 4096, so that instances at one scale compare equal however they are turned.
-fn canonical_scale(matrix: Mat3) -> Mat3 {
-    let m: DMat3 = matrix.as_dmat3();
-    let gram = m.transpose() * m;
-    let mean = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;
-    if !(mean > 0.0 && mean.is_finite()) {
-        return if mean == 0.0 { Mat3::ZERO } else { Mat3::NAN };
-    }
-    let round = |v: f64| (v / mean * 4096.0).round() / 4096.0 + 0.0; // never -0
-    let [a, b, c] = [gram.x_axis.x, gram.y_axis.x, gram.z_axis.x].map(round);
-    let [d, e, f] = [gram.y_axis.y, gram.z_axis.y, gram.z_axis.z].map(round);
-    // Cholesky; an axis that is scaled to nothing leaves a row of zeros.
-    let divide = |v: f64, by: f64| if by > 0.0 { v / by } else { 0.0 };
-    let r11 = a.max(0.0).sqrt();
-    let (r12, r13) = (divide(b, r11), divide(c, r11));
-    let r22 = (d - r12 * r12).max(0.0).sqrt();
-    let r23 = divide(e - r12 * r13, r22);
-    let r33 = (f - r13 * r13 - r23 * r23).max(0.0).sqrt();
-    let size =
-        f32::from_bits((mean.sqrt() as f32).to_bits().wrapping_add(1 << 11) & !((1 << 12) - 1));
-    let columns = [[r11, 0.0, 0.0], [r12, r22, 0.0], [r13, r23, r33]];
-    Mat3::from_cols_array_2d(&columns.map(|c| c.map(|v| v as f32))) * size
-}
-
-impl Shape {
-    fn layout(
-        &self,
-        scene: &Scene,
-        density: f32,
-        limit: u32,
-    ) -> Result<(UvLayout, UVec2, UvSource), LightmapError> {
-        let mesh = &scene.meshes[self.mesh as usize];
-        let object = || scene.objects[self.objects[0] as usize].name.clone();
-        if mesh.triangles.is_empty() {
-            return Ok((UvLayout::default(), UVec2::ZERO, UvSource::Unwrapped));
-        }
-        let too_large = |width: f64, height: f64| LightmapError::TooLarge {
-            object: object(),
-            width: width as u64,
-            height: height as u64,
-            page_size: limit,
-        };
-        // Before any memory is asked for: the surface alone, or one edge, may already be more than a page.
-        let side = self.area.sqrt() * f64::from(density);
-        if side > f64::from(limit) {
-            return Err(too_large(side, side));
-        }
-        let longest = self.longest_edge(mesh) * f64::from(density);
-        if longest > 1.42 * f64::from(limit) {
-            return Err(too_large(longest, 1.0));
-        }
-        let kept = match authored(mesh, &self.positions, density) {
-            Ok((layout, size)) if size.max_element() <= limit => Some((layout, size)),
-            Ok((_, size)) => {
-                let refusal = Refusal::Sparse {
-                    width: size.x,
-                    height: size.y,
-                };
-                tracing::info!(mesh = mesh.name, "TEXCOORD_1 is not used: {refusal}");
-                None
-            }
-            Err(Refusal::Missing) => None,
-            Err(refusal) => {
-                tracing::info!(mesh = mesh.name, "TEXCOORD_1 is not used: {refusal}");
-                None
-            }
-        };
-        let (mut layout, size, source) = match kept {
-            Some((layout, size)) => (layout, size, UvSource::Authored),
-            None => {
-                let (layout, size) =
-                    unwrap(mesh, &self.positions, density, limit).map_err(|e| {
-                        LightmapError::Unwrap {
-                            object: object(),
-                            reason: e.to_string(),
-                        }
-                    })?;
-                (layout, size, UvSource::Unwrapped)
-            }
-        };
-        if size.max_element() > limit {
-            return Err(too_large(size.x.into(), size.y.into()));
-        }
-        snap(mesh, &mut layout);
-        Ok((layout, size, source))
-    }
-
-    fn longest_edge(&self, mesh: &Mesh) -> f64 {
-        let edges = mesh
-            .triangles
-            .iter()
-            .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
-        let length = |(a, b): (u32, u32)| {
-            self.positions[a as usize]
-                .as_dvec3()
-                .distance(self.positions[b as usize].as_dvec3())
-        };
-        edges.map(length).fold(0.0, f64::max)
-    }
-}
-
-/// Rounds the coordinates to what a file can hold, and numbers the charts by what the file will tell: so that the atlas read
-/// back is the atlas that was written.
-fn snap(mesh: &Mesh, layout: &mut UvLayout) {
-    for vertex in &mut layout.vertices {
-        vertex.uv = (vertex.uv * SNAP).round() / SNAP;
-    }
-    layout.charts = charts(mesh, layout);
 }
 
 /// Places the rectangles; returns the page size and the number of pages.

@@ -5,6 +5,7 @@ mod authored;
 pub mod compare;
 pub mod coverage;
 mod edges;
+mod error;
 pub mod export;
 pub mod exr;
 mod glb;
@@ -14,13 +15,15 @@ mod raw;
 pub mod resolve;
 mod sample;
 mod seams;
+mod shape;
 mod skyline;
 pub mod texels;
 mod unwrap;
 mod viewpoint;
 
-pub use atlas::{AtlasOptions, LightmapError, Placement};
+pub use atlas::{AtlasOptions, Placement};
 pub use authored::Refusal;
+pub use error::LightmapError;
 pub use glb::{lit_document, page_file};
 
 use std::sync::Arc;

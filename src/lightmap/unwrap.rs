@@ -44,18 +44,49 @@ pub(crate) fn unwrap(
         seams: Some(&seams),
         ..uvunwrap::MeshInput::new(&points, triangles.as_flattened())
     };
+    let angle = if texels < triangles.len() as f64 {
+        MAX_CHART_ANGLE_TINY
+    } else {
+        MAX_CHART_ANGLE
+    };
+    generate(mesh, input, angle, density, limit)
+}
+
+/// [`unwrap`] at another density: the charts of `first` are kept, and packed anew.
+pub(crate) fn repack(
+    mesh: &Mesh,
+    positions: &[Vec3],
+    first: &UvLayout,
+    density: f32,
+    limit: u32,
+) -> Result<(UvLayout, UVec2), uvunwrap::Error> {
+    let welded = weld(positions);
+    let place = |v: &UvVertex| positions[welded[v.source as usize] as usize].to_array();
+    let points: Vec<[f32; 3]> = first.vertices.iter().map(place).collect();
+    let coordinates: Vec<[f32; 2]> = first.vertices.iter().map(|v| v.uv.to_array()).collect();
+    let input = uvunwrap::MeshInput {
+        existing_uvs: Some(&coordinates),
+        ..uvunwrap::MeshInput::new(&points, first.triangles.as_flattened())
+    };
+    generate(mesh, input, MAX_CHART_ANGLE, density, limit)
+}
+
+fn generate(
+    mesh: &Mesh,
+    input: uvunwrap::MeshInput,
+    max_chart_angle: f32,
+    density: f32,
+    limit: u32,
+) -> Result<(UvLayout, UVec2), uvunwrap::Error> {
+    let at = |page_size| uvunwrap::Density::Fixed {
+        texels_per_unit: density,
+        page_size,
+    };
     let options = uvunwrap::Options {
-        max_chart_angle: if texels < triangles.len() as f64 {
-            MAX_CHART_ANGLE_TINY
-        } else {
-            MAX_CHART_ANGLE
-        },
-        density: uvunwrap::Density::Fixed {
-            texels_per_unit: density,
-            page_size: None,
-        },
+        max_chart_angle,
+        density: at(None),
         padding: PADDING,
-        packing: if triangles.len() <= NEST_UP_TO {
+        packing: if mesh.triangles.len() <= NEST_UP_TO {
             uvunwrap::Packing::Shape
         } else {
             uvunwrap::Packing::Fast
@@ -65,12 +96,11 @@ pub(crate) fn unwrap(
     let mut atlas = uvunwrap::generate(&[input], &options)?;
     if atlas.width.max(atlas.height) > limit && limit > 2 * PADDING {
         // The smallest rectangle is not always the squarest one.
-        let density = uvunwrap::Density::Fixed {
-            texels_per_unit: density,
-            page_size: Some(limit),
+        let options = uvunwrap::Options {
+            density: at(Some(limit)),
+            ..options
         };
-        let page = uvunwrap::generate(&[input], &uvunwrap::Options { density, ..options });
-        match page {
+        match uvunwrap::generate(&[input], &options) {
             Ok(page) if page.page_count == 1 => atlas = page,
             _ => {}
         }
@@ -287,6 +317,23 @@ mod tests {
         let (layout, size) = unwrap(&only, &p, 8.0, 4096).unwrap();
         check(&only, &layout, size);
         assert_eq!(size, UVec2::splat(5));
+    }
+
+    #[test]
+    fn packing_anew_keeps_the_charts() {
+        let wave = wave(24);
+        let (first, _) = unwrap(&wave, &wave.positions, 20.0, 4096).unwrap();
+        let (again, size) = repack(&wave, &wave.positions, &first, 13.0, 4096).unwrap();
+        check(&wave, &again, size);
+        assert_eq!(
+            crate::lightmap::edges::charts(&wave, &again),
+            crate::lightmap::edges::charts(&wave, &first)
+        );
+        let length = |layout: &UvLayout| {
+            let [a, b] = [0, 1].map(|k| layout.vertices[layout.triangles[100][k] as usize].uv);
+            a.distance(b)
+        };
+        assert!((length(&again) / length(&first) - 13.0 / 20.0).abs() < 0.01);
     }
 
     #[test]
