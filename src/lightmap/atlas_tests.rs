@@ -3,7 +3,6 @@
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
 use super::*;
-use crate::lightmap::UvLayout;
 use crate::scene::{Mesh, Object};
 
 /// A square of 1 m in x and y.

@@ -137,28 +137,28 @@ fn expose(pixels: &[(Vec3, f32)]) -> Vec<u8> {
 /// Linear Rec. 709 to display values: AgX (Troy Sobotka) with the polynomial fit of its default contrast by Benjamin Wrensch.
 fn agx(color: Vec3) -> Vec3 {
     const INSET: Mat3 = Mat3::from_cols_array(&[
-        0.842_479_05,
-        0.042_328_24,
-        0.042_375_654,
+        0.842_479,
+        0.042_328_2,
+        0.042_375_7,
         0.078_433_6,
-        0.878_468_63,
+        0.878_469,
         0.078_433_6,
-        0.079_223_745,
-        0.079_166_13,
+        0.079_223_7,
+        0.079_166_1,
         0.879_143,
     ]);
     const OUTSET: Mat3 = Mat3::from_cols_array(&[
-        1.196_879,
-        -0.052_896_85,
-        -0.052_971_635,
-        -0.098_020_88,
-        1.151_903_1,
-        -0.098_043_45,
-        -0.099_029_74,
-        -0.098_961_18,
-        1.151_073_7,
+        1.196_88,
+        -0.052_896_9,
+        -0.052_971_6,
+        -0.098_020_9,
+        1.151_9,
+        -0.098_043_5,
+        -0.099_029_7,
+        -0.098_961_2,
+        1.151_07,
     ]);
-    const STOPS: [f32; 2] = [-12.473_93, 4.026_069];
+    const STOPS: [f32; 2] = [-12.473_9, 4.026_07];
     let inset = INSET * color.max(Vec3::ZERO);
     let log = inset
         .max(Vec3::splat(1e-10))
