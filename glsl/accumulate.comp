@@ -1,13 +1,13 @@
 #version 460
 // Adds the irradiance of a batch of lights to the lightmap (VPL13 section 6.1): a workgroup takes a tile and the lights
-// that reach it, an invocation a texel. One read-modify-write a batch; every light is rounded to fixed point by itself,
+// that reach it, an invocation one or several texels. One read-modify-write a batch; every light is rounded to fixed point by itself,
 // so that sums depend neither on batches nor on order.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "form_factor.glsl"
 #include "visibility.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x_id = 2) in;
 
 layout(constant_id = 0) const uint FORM = FORM_CLIPPED;
 // Percentage-closer soft shadows for direct lights (VPL13 section 6); otherwise one tap.
@@ -63,7 +63,8 @@ float transfer(Light light, uint i, inout vec3 p, vec3 n) {
         if (++k >= light.vertices) break;
     }
     if (FORM == FORM_CLIPPED) factor += edge(leave, enter, n);
-    return height > 0.0 ? max(0.0, factor) / light.area : 0.0;
+    // In the polygon's own plane, or within rounding of it, edges have no direction to speak of.
+    return height > 1e-5 * light.radius ? max(0.0, factor) / light.area : 0.0;
 }
 
 // Fixed-point sums of a batch in two halves of 32 bits: 64-bit arithmetic waits until its end. Values beyond 2^49 units
@@ -71,42 +72,55 @@ float transfer(Light light, uint i, inout vec3 p, vec3 n) {
 const float HALF = 16777216.0; // 2^24
 const float MOST = 562949953421312.0; // 2^49
 
+// Texels of an invocation: what is read of a light serves them all.
+const uint TEXELS = TILE / gl_WorkGroupSize.x;
+
 void main() {
     if (list_index() >= head.at[0].entries) return;
     uvec2 entry = list.at[list_index()];
-    uint lane = gl_LocalInvocationIndex;
-    vec3 position = receivers.at[entry.x * TILE + lane].position;
-    vec3 n = receivers.at[entry.x * TILE + lane].normal;
-    ivec3 high = ivec3(0), low = ivec3(0);
+    uint first = gl_LocalInvocationIndex;
+    vec3 positions[TEXELS], normals[TEXELS];
+    ivec3 high[TEXELS], low[TEXELS];
+    [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
+        uint slot = entry.x * TILE + first + k * gl_WorkGroupSize.x;
+        positions[k] = receivers.at[slot].position;
+        normals[k] = receivers.at[slot].normal;
+        high[k] = low[k] = ivec3(0);
+    }
     uint mask = entry.y;
     for (;;) {
         uint i = uint(findLSB(mask));
         mask &= mask - 1;
-        vec3 p = position;
         Light light = lights.at[i];
-        float value = transfer(light, i, p, n) * scale;
-        View view = views.at[light.view];
-        if (FORM == FORM_PUNCTUAL) {
-            // A point has two hemicubes, back to back.
-            View other = views.at[light.kind == LIGHT_POINT ? light.view + 1 : light.view];
-            bool behind = dot(view.z, p - view.origin) < 0.0;
-            view.x = behind ? other.x : view.x;
-            view.y = behind ? other.y : view.y;
-            view.z = behind ? other.z : view.z;
-            view.offset = behind ? other.offset : view.offset;
+        View front = views.at[light.view];
+        [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
+            vec3 p = positions[k], n = normals[k];
+            float value = transfer(light, i, p, n) * scale;
+            View view = front;
+            if (FORM == FORM_PUNCTUAL) {
+                // A point has two hemicubes, back to back.
+                View back = views.at[light.kind == LIGHT_POINT ? light.view + 1 : light.view];
+                bool behind = dot(view.z, p - view.origin) < 0.0;
+                view.x = behind ? back.x : view.x;
+                view.y = behind ? back.y : view.y;
+                view.z = behind ? back.z : view.z;
+                view.offset = behind ? back.offset : view.offset;
+            }
+            if (FORM == FORM_DIRECTIONAL) value *= parallel_visibility(depth, view, p, n, bias);
+            else if (SOFT) value *= soft_visibility(depth, view, p, n, light.radius, bias);
+            else value *= visibility(depth, view, p, n, bias);
+            // Subtracting is adding the negative: rounding is symmetric.
+            vec3 units = clamp(round(light.flux * value), -MOST, MOST) * float(light.sign);
+            vec3 upper = floor(units / HALF);
+            high[k] += ivec3(upper);
+            low[k] += ivec3(units - upper * HALF);
         }
-        if (FORM == FORM_DIRECTIONAL) value *= parallel_visibility(depth, view, p, n, bias);
-        else if (SOFT) value *= soft_visibility(depth, view, p, n, light.radius, bias);
-        else value *= visibility(depth, view, p, n, bias);
-        // Subtracting is adding the negative: rounding is symmetric.
-        vec3 units = clamp(round(light.flux * value), -MOST, MOST) * float(light.sign);
-        vec3 upper = floor(units / HALF);
-        high += ivec3(upper);
-        low += ivec3(units - upper * HALF);
         if (mask == 0) break;
     }
-    uint slot = entry.x * TILE * 3 + lane;
-    sums.at[slot] += int64_t(high.x) * 16777216L + low.x;
-    sums.at[slot + TILE] += int64_t(high.y) * 16777216L + low.y;
-    sums.at[slot + 2 * TILE] += int64_t(high.z) * 16777216L + low.z;
+    [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
+        uint slot = entry.x * TILE * 3 + first + k * gl_WorkGroupSize.x;
+        sums.at[slot] += int64_t(high[k].x) * 16777216L + low[k].x;
+        sums.at[slot + TILE] += int64_t(high[k].y) * 16777216L + low[k].y;
+        sums.at[slot + 2 * TILE] += int64_t(high[k].z) * 16777216L + low[k].z;
+    }
 }

@@ -1,6 +1,10 @@
 // Reads the views of a light. What lies in the receiver's own plane must not shade it: the receiver is moved along its
 // normal by what one pixel spans, and depths are compared with a relative slack.
 
+// Pixels by which receivers are lifted: face on, and more at grazing angles.
+const float LIFT = 0.1;
+const float SLOPE = 0.5;
+
 // How much nearer than the receiver's plane (through `local`, with normal `n`, both in the view's axes) the nearest thing
 // is along the ray of the pixel that `direction` falls into: above 1 it hides the receiver. Measuring at the pixel's own
 // centre keeps a plane from shading itself at any angle.
@@ -27,8 +31,9 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
     vec3 ray = top ? vec3(s, t, 1.0) : (along_x ? vec3(facing, s, t) : vec3(s, facing, t));
     float plane = dot(n, local);
     float along = dot(n, ray);
-    // Rays that leave the plane's front find nothing of it; what they meet lies before the receiver.
-    return along < 0.0 ? stored * plane / along : (stored > 0.0 ? 8.0 : 0.0);
+    // What is no nearer than the receiver hides nothing of it, wherever the ray meets its plane, if at all.
+    float reach = length(local) * inversesqrt(dot(ray, ray));
+    return stored * (along < 0.0 ? min(plane / along, reach) : reach);
 }
 
 // Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there.
@@ -37,7 +42,7 @@ vec3 lifted(View view, vec3 p, vec3 n) {
     float distance = length(d);
     float cosine = dot(d, n) / max(distance, 1e-20);
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    return d + n * (distance * (0.1 + 0.5 * sine) / float(view.size));
+    return d + n * (distance * (LIFT + SLOPE * sine) / float(view.size));
 }
 
 vec3 to_local(View view, vec3 d) {
@@ -99,28 +104,32 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, floa
     return lit;
 }
 
-// Orthographic map, four comparisons weighted bilinearly. Outside of it everything is lit.
+// Orthographic map, four comparisons weighted bilinearly, each at its pixel's centre with the receiver's plane there or,
+// where that is further from the light, with the receiver. Outside of the map everything is lit.
 float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
-    vec3 x = view.x, y = view.y, z = view.z;
     uint size = view.size;
-    uint offset = view.offset;
-    float pixel = 2.0 / (float(size) * length(x));
-    float cosine = dot(n, z) * inversesqrt(dot(z, z));
+    float half_size = 0.5 * float(size);
+    float pixel = 1.0 / (half_size * length(view.x));
+    float scale = inversesqrt(dot(view.z, view.z));
+    float cosine = dot(n, view.z) * scale;
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    vec3 d = p - view.origin + n * (pixel * (0.2 + 2.2 * sine));
-    vec2 at = (vec2(dot(x, d), dot(y, d)) + 1.0) * (0.5 * float(size)) - 0.5;
-    vec2 corner = floor(at);
-    vec2 weight = at - corner;
-    float value = dot(z, d) + bias;
+    vec3 d = p - view.origin + n * (pixel * (LIFT + SLOPE * sine));
+    vec2 at = vec2(dot(view.x, d), dot(view.y, d));
+    float value = dot(view.z, d);
+    // How the plane's value changes across the map: it is linear.
+    vec2 slope = -vec2(dot(n, view.x) / dot(view.x, view.x), dot(n, view.y) / dot(view.y, view.y)) / (max(cosine, 1e-3) * scale);
+    vec2 corner = floor((at + 1.0) * half_size - 0.5);
+    vec2 weight = (at + 1.0) * half_size - 0.5 - corner;
     float lit = 0.0;
     for (uint i = 0; i < 4; ++i) {
         vec2 step = vec2(float(i & 1), float(i >> 1));
         vec2 pixel_at = corner + step;
         bool inside = all(greaterThanEqual(pixel_at, vec2(0.0))) && all(lessThan(pixel_at, vec2(float(size))));
         uint index = inside ? uint(pixel_at.y) * size + uint(pixel_at.x) : 0;
-        float stored = inside ? uintBitsToFloat(depth.at[offset + index]) : 0.0;
+        float stored = inside ? uintBitsToFloat(depth.at[view.offset + index]) : 0.0;
+        float plane = value + dot(slope, (pixel_at + 0.5) / half_size - 1.0 - at);
         vec2 w = mix(1.0 - weight, weight, step);
-        lit += stored > value ? 0.0 : w.x * w.y;
+        lit += stored > max(plane, value) + bias ? 0.0 : w.x * w.y;
     }
     return lit;
 }

@@ -119,7 +119,9 @@ impl AccumulatePass {
         let forms = forms_of(lights);
         for &form in &forms {
             if let Entry::Vacant(entry) = self.pipelines.entry((form, soft)) {
-                entry.insert(gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft)])?);
+                entry.insert(
+                    gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft), lanes(gpu)])?,
+                );
             }
         }
         let tile_count = receivers.tile_count;
@@ -179,6 +181,16 @@ impl AccumulatePass {
     /// Fixed-point units per lux.
     pub(super) fn scale(&self) -> f32 {
         self.evaluation.scale
+    }
+}
+
+/// Invocations of a workgroup: one a texel on a GPU; on a CPU, where every invocation reads a light's record by itself,
+/// four texels share the reading.
+fn lanes(gpu: &Gpu) -> u32 {
+    if gpu.info().kind == "CPU" {
+        TILE / 4
+    } else {
+        TILE
     }
 }
 

@@ -177,7 +177,7 @@ impl Quality {
             },
             Quality::Preview => Preset {
                 paths: 1 << 17,
-                error: 8e-4,
+                error: 6e-4,
                 shadow_size: 128,
                 direct_shadow_size: 512,
                 sun_shadow_size: 4096,

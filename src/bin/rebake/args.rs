@@ -155,7 +155,7 @@ fn count(text: &str) -> Result<u64, String> {
     };
     let value: f64 = digits.parse::<f64>().map_err(|_| bad())? * factor;
     match value {
-        v if !(v >= 1.0) => Err("must be at least 1".into()),
+        v if v.is_nan() || v < 1.0 => Err("must be at least 1".into()),
         v if v > MOST as f64 => Err(format!("is more than {MOST}")),
         v => Ok(v.round() as u64),
     }
@@ -181,7 +181,7 @@ fn duration(text: &str) -> Result<Duration, String> {
         .find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, factor)))
         .ok_or_else(bad)?;
     let seconds = digits.parse::<f64>().map_err(|_| bad())? * factor;
-    if !(seconds > 0.0) {
+    if seconds.is_nan() || seconds <= 0.0 {
         return Err("must be above 0".into());
     }
     Duration::try_from_secs_f64(seconds).map_err(|_| "is too long".into())
