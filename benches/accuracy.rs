@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::Vec3;
 use rayon::prelude::*;
-use rebake::cluster::evaluate::{irradiance, unoccluded};
+use rebake::cluster::evaluate::irradiance;
 use rebake::cluster::{Budget, Clusters, Shape, SimilaritySettings, VirtualLight};
 use rebake::scene::{Aperture, Scene};
 use rebake::transport::bvh::{SceneBvh, offset, weights};
@@ -20,6 +20,9 @@ struct Point {
     direct: f32,
     bounced: f32,
 }
+
+/// From a point and its direct and bounced light found: the value, the truth, and what the error is relative to.
+type Measure = dyn Fn(&Point, (f32, f32)) -> Option<(f32, f32, f32)>;
 
 fn main() {
     let args: Vec<String> = std::env::args()
@@ -121,8 +124,7 @@ fn compare(
         .map(|p| (sum(direct, p), sum(bounced, p)))
         .collect();
     let average = points.iter().map(|p| p.direct + p.bounced).sum::<f32>() / points.len() as f32;
-    let report = |name: &str, of: &dyn Fn(&Point, (f32, f32)) -> Option<(f32, f32, f32)>| {
-        // (value, truth, what the error is relative to)
+    let report = |name: &str, of: &Measure| {
         let pairs: Vec<(f32, f32, f32)> = points
             .iter()
             .zip(&found)
@@ -350,13 +352,4 @@ fn direct_light(
         }
     }
     sum
-}
-
-// Keeps the unoccluded form in the bench's reach for experiments with other visibilities.
-#[expect(dead_code)]
-fn without_shadows(lights: &[VirtualLight], p: &Point) -> f32 {
-    lights
-        .iter()
-        .map(|l| mean(unoccluded(l, p.position, p.normal)))
-        .sum()
 }
