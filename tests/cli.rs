@@ -102,7 +102,7 @@ fn bad_option_values_name_the_option() {
     for options in [
         "--texels none",
         "--texels 0",
-        "--density -1",
+        "--density=-1",
         "--density nan",
         "--page-size 3",
         "--clusters many",
@@ -110,7 +110,7 @@ fn bad_option_values_name_the_option() {
         "--bounces 1000",
         "--shadow-size 0",
         "--budget 30",
-        "--budget -1s",
+        "--budget=-1s",
         "--quality best",
         "--threads 0",
         "--sun 1,2",
@@ -337,7 +337,7 @@ fn lightmaps_are_compared() {
     let scene = builtin("furnace", folder.path());
     let (a, _) = bake(&scene, "a", TINY);
     let (b, _) = bake(&scene, "b", &format!("{TINY} --seed 5"));
-    let (larger, _) = bake(&scene, "larger", &format!("{TINY} --page-size 128"));
+    let (larger, _) = bake(&scene, "larger", &format!("{TINY} --page-size 256"));
     let png = folder.path().join("difference.png");
     let compare = |a: &Path, b: &Path| rebake("compare --json -o", &[&png, a, b]);
     assert_eq!(lines(&compare(&a, &a).stdout)[0]["different"], 0);
