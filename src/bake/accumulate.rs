@@ -19,7 +19,7 @@ use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage
 /// A polygon further away than this many of its radii is evaluated as a disk; twice as far where a horizon may cut it.
 pub(super) const FAR: f32 = 6.0;
 /// Relative slack of depth comparisons.
-const BIAS: f32 = 2e-3;
+const BIAS: f32 = 5e-4;
 /// Slack of parallel light's depth comparisons, in units of the scene's depth.
 const PARALLEL_BIAS: f32 = 2e-6;
 
