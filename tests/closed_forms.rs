@@ -74,12 +74,6 @@ fn furnace() {
     enclosure("furnace", "", PI / 0.5, Some(|p| edge_distance(p) > 0.06));
 }
 
-/// As above, along the edges and in the corners too.
-#[test]
-fn furnace_along_its_edges() {
-    enclosure("furnace", "", PI / 0.5, None);
-}
-
 /// Metres from a point of the furnace's cube, of 2 m on a floor at 0, to the nearest wall but the one it is on.
 fn edge_distance(point: &Point) -> f64 {
     let inside = DVec3::ONE - (point.position - DVec3::Y).abs();
