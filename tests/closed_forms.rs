@@ -2,6 +2,8 @@
 
 #[path = "common/map.rs"]
 mod map;
+#[path = "common/points.rs"]
+mod points;
 #[path = "common/quads.rs"]
 mod quads;
 #[path = "common/run.rs"]
@@ -11,7 +13,8 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
-use map::{Map, Point, points};
+use map::Map;
+use points::{Point, points};
 use quads::Quad;
 use run::{bake, builtin};
 use serde_json::json;
@@ -69,12 +72,6 @@ fn integrating_sphere_of_albedo_four_fifths() {
 #[test]
 fn furnace() {
     enclosure("furnace", "", PI / 0.5, Some(|p| edge_distance(p) > 0.06));
-}
-
-/// As above, along the edges and in the corners too.
-#[test]
-fn furnace_along_its_edges() {
-    enclosure("furnace", "", PI / 0.5, None);
 }
 
 /// Metres from a point of the furnace's cube, of 2 m on a floor at 0, to the nearest wall but the one it is on.
@@ -180,10 +177,6 @@ fn square_emitter_over_a_plane_and_before_a_wall() {
     eprintln!("largest error: {place}");
     let (wall_error, wall_place) = worst(on("wall"), |p| PI * RADIANCE * perpendicular(p.position));
     eprintln!("largest error: {wall_place}");
-    let mut bad: Vec<_> = points.iter().filter(|p| p.object == "ground" && (p.mean() / (PI*RADIANCE*parallel(p.position)) - 1.0).abs() > 0.002).collect();
-    bad.sort_by(|a, b| a.texel.cmp(&b.texel));
-    eprintln!("BAD {} of {}", bad.len(), points.len());
-    for p in bad.iter().take(40) { eprintln!("BAD {:?} {} m {:.3} {:.4}", p.texel, p.position, p.margin, p.mean() / (PI*RADIANCE*parallel(p.position)) - 1.0); }
     assert!(error < 0.005, "{place}");
     assert!(wall_error < 0.005, "{wall_place}");
 }
