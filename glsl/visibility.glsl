@@ -2,8 +2,8 @@
 // normal by what one pixel spans, and depths are compared with a relative slack.
 
 // Pixels by which receivers are lifted: face on, and more at grazing angles.
-const float LIFT = 0.05;
-const float SLOPE = 0.1;
+const float LIFT = 0.1;
+const float SLOPE = 0.5;
 
 // How much nearer than the receiver's plane (through `local`, with normal `n`, both in the view's axes) the nearest thing
 // is along the ray of the pixel that `direction` falls into: above 1 it hides the receiver. Measuring at the pixel's own

@@ -21,7 +21,7 @@ pub(super) const FAR: f32 = 6.0;
 /// The same for direct lights, which are few and whose errors nothing averages: 0.3 % at most.
 const DIRECT_FAR: f32 = 20.0;
 /// Relative slack of depth comparisons.
-const BIAS: f32 = 5e-4;
+const BIAS: f32 = 2e-3;
 /// Slack of parallel light's depth comparisons, in units of the scene's depth.
 const PARALLEL_BIAS: f32 = 2e-6;
 
