@@ -227,6 +227,8 @@ fn walk(json: &Value) -> Result<Vec<Placed<'_>>, SceneError> {
             world,
         });
     }
+    // Not in the tree's order: a node that an edit appends must not move the others.
+    placed.sort_unstable_by_key(|p| p.node);
     Ok(placed)
 }
 

@@ -32,9 +32,9 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Decoded images.
     pub textures: Vec<Arc<Texture>>,
-    /// One object per node that has a mesh.
+    /// One object per node that has a mesh, in the nodes' order.
     pub objects: Vec<Object>,
-    /// Punctual lights and emissive objects.
+    /// Punctual lights and emissive objects, in the order of [`Light::id`].
     pub lights: Vec<Light>,
     /// Cameras of the file, in world space.
     pub cameras: Vec<Camera>,
@@ -168,6 +168,14 @@ pub struct Light {
     pub intensity: Vec3,
     /// Light space to world space, without scale: the light aims along its -Z.
     pub transform: Affine3A,
+}
+
+impl Light {
+    /// Names the light in every version of its scene, whatever is added or removed around it: twice its node's index,
+    /// plus 1 for an emissive object.
+    pub fn id(&self) -> u32 {
+        2 * self.node + u32::from(matches!(self.aperture, Aperture::Surface { .. }))
+    }
 }
 
 /// Where a light's light leaves, and how.
