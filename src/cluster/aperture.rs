@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::facet::{Facet, extent, facet_lights, merge};
 use super::octree::FluxScale;
 use super::{Shape, VirtualLight};
-use crate::scene::{Aperture, Scene};
+use crate::scene::{Aperture, Light};
 use crate::transport::emission::{Emitter, Piece, mean};
 use crate::transport::paths::LightPaths;
 
@@ -46,21 +46,15 @@ struct Start {
 }
 
 impl ApertureTree {
-    /// The tree of light `index`, whose paths feed the metric.
-    pub fn new(
-        scene: &Scene,
-        index: usize,
-        emitter: &Emitter,
-        paths: &LightPaths,
-        scale: &FluxScale,
-    ) -> Self {
+    /// The tree of a light, whose paths feed the metric.
+    pub fn new(light: &Light, emitter: &Emitter, paths: &LightPaths, scale: &FluxScale) -> Self {
         let leaf = ApertureNode {
             key: 0,
             contribution: 0,
             facets: Vec::new(),
             children: Vec::new(),
         };
-        if let Some(single) = punctual(scene, index) {
+        if let Some(single) = punctual(light) {
             return Self {
                 root: leaf,
                 single: Some(single),
@@ -259,8 +253,7 @@ impl Builder<'_> {
 }
 
 /// Points, spots and suns are one light each.
-fn punctual(scene: &Scene, index: usize) -> Option<VirtualLight> {
-    let light = &scene.lights[index];
+fn punctual(light: &Light) -> Option<VirtualLight> {
     let shape = match light.aperture {
         Aperture::Point => Shape::Point,
         Aperture::Spot { inner, outer } => Shape::Spot { inner, outer },
@@ -327,7 +320,7 @@ mod tests {
         let emitter = Emitter::new(&scene, 0);
         let scale = FluxScale::new(settings.flux_per_path);
         (
-            ApertureTree::new(&scene, 0, &emitter, &paths.lights[0], &scale),
+            ApertureTree::new(&scene.lights[0], &emitter, &paths.lights[&3], &scale),
             emitter,
         )
     }
@@ -446,8 +439,7 @@ mod tests {
         ));
         let emitter = Emitter::new(&scene, 0);
         let tree = ApertureTree::new(
-            &scene,
-            0,
+            &scene.lights[0],
             &emitter,
             &LightPaths::default(),
             &FluxScale::new(1.0),

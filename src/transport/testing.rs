@@ -37,11 +37,10 @@ pub(crate) fn add_quads(scene: &mut Scene, quads: &[[Vec3; 4]], material: Materi
     });
     let object = scene.objects.len() as u32;
     if material.emission != Vec3::ZERO {
-        scene.lights.push(light(
-            Aperture::Surface { object },
-            Vec3::ONE,
-            Affine3A::IDENTITY,
-        ));
+        scene.lights.push(Light {
+            node: object,
+            ..light(Aperture::Surface { object }, Vec3::ONE, Affine3A::IDENTITY)
+        });
     }
     scene.materials.push(material);
     scene.objects.push(Object {
