@@ -1,11 +1,13 @@
 #version 460
 // Adds the irradiance of a batch of lights to the lightmap (VPL13 section 6.1): a workgroup takes a tile and the lights
-// that reach it, an invocation one or several texels. One read-modify-write a batch; every light is rounded to fixed point by itself,
+// that reach it, an invocation one or several texels. One read-modify-write a batch, every light is rounded to fixed point by itself,
 // so that sums depend neither on batches nor on order.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "form_factor.glsl"
 #include "visibility.glsl"
+
+#extension GL_EXT_shader_atomic_int64 : require
 
 layout(local_size_x_id = 2) in;
 
@@ -15,6 +17,8 @@ layout(constant_id = 1) const bool SOFT = false;
 
 layout(push_constant, scalar) uniform Push {
     Receivers receivers;
+    Tiles tiles;
+    Instances instances;
     Lights lights;
     Pairs list;
     ListHeads head;
@@ -117,10 +121,15 @@ void main() {
         }
         if (mask == 0) break;
     }
+    uint start = tiles.at[entry.x].sums * TILE * 3 + first;
+    // An object that moved stands in several places at once, in different versions: their tiles meet in the same sums.
+    bool shared_sums = instances.at[tiles.at[entry.x].instance].crowded != 0;
     [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
-        uint slot = entry.x * TILE * 3 + first + k * gl_WorkGroupSize.x;
-        sums.at[slot] += int64_t(high[k].x) * 16777216L + low[k].x;
-        sums.at[slot + TILE] += int64_t(high[k].y) * 16777216L + low[k].y;
-        sums.at[slot + 2 * TILE] += int64_t(high[k].z) * 16777216L + low[k].z;
+        [[unroll]] for (uint channel = 0; channel < 3; ++channel) {
+            uint slot = start + k * gl_WorkGroupSize.x + channel * TILE;
+            int64_t sum = int64_t(high[k][channel]) * 16777216L + low[k][channel];
+            if (shared_sums) atomicAdd(sums.at[slot], sum);
+            else sums.at[slot] += sum;
+        }
     }
 }

@@ -28,6 +28,21 @@ struct Tile {
     vec3 extent;    // half the box
     vec3 axis;
     float cone_cos; // of the largest angle between the axis and a normal; -1 if they do not fit a half space
+    uint sums;      // the lightmap's tile that it adds to
+    uint instance;
+};
+
+// An object in one place, and the versions of the scene in which it stands there.
+struct Instance {
+    uint since;
+    uint until;  // the first version without it
+    uint crowded; // not 0: other instances add to the same texels
+};
+
+// A box around something that differs between two versions.
+struct Region {
+    vec3 center;
+    vec3 extent;
 };
 
 struct Triangle {
@@ -45,8 +60,8 @@ struct Cutout {
 struct Chunk {
     vec3 center;
     vec3 extent; // half the box
-    uint first;  // triangle
-    uint count;
+    uint count;  // triangles: chunk c has those from c * CHUNK on
+    uint instance;
 };
 
 // A hemicube of inverse depths, or an orthographic map of scaled depths.
@@ -57,6 +72,9 @@ struct View {
     uint size;     // pixels along the edge of the top face; the four side faces are half as high
     uint kind;     // VIEW_*
     float cos_cone; // nothing outside this cone around the pole is asked for
+    uint version;
+    vec3 limit_axis;   // nothing outside this cone matters: both versions of an update see the same there
+    float limit_angle; // radians; above PI where there is no limit
 };
 
 struct Light {
@@ -70,6 +88,13 @@ struct Light {
     uint kind;      // LIGHT_*
     int sign;       // +1 adds, -1 subtracts
     uint view;      // first of its views
+    uint version;   // the scene that it shines in
+    uint other;     // the version that its update compares with; its own where the whole light comes or goes
+    uint first_region; // where the two differ
+    uint regions;
+    vec3 origin;    // where shadows are cast from
+    float blur;     // how far beside a receiver depth maps may be looked up, metres,
+    float blur_slope; // and per metre of distance
     uint vertices;
     vec3 vertex[MAX_VERTICES]; // world space
 };
@@ -77,6 +102,8 @@ struct Light {
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Texels { Texel at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Receivers { Receiver at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Tiles { Tile at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Instances { Instance at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Regions { Region at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Triangles { Triangle at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cutouts { Cutout at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Chunks { Chunk at[]; };
@@ -92,6 +119,10 @@ struct ListHead {
     uint entries;
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer ListHeads { ListHead at[]; };
+
+bool stands(Instance instance, uint version) {
+    return instance.since <= version && version < instance.until;
+}
 
 uint list_index() {
     return gl_WorkGroupID.y * LIST_ROW + gl_WorkGroupID.x;

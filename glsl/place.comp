@@ -1,5 +1,6 @@
 #version 460
-// Object-space texels become world-space receivers, and every tile gets its box and normal cone. A workgroup is a tile.
+// Object-space texels become world-space receivers of an instance, and every tile gets its box and normal cone. A
+// workgroup is a tile.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 
@@ -17,26 +18,30 @@ layout(push_constant, scalar) uniform Push {
     Placements placements;
     Receivers receivers;
     Tiles tiles;
-    uint first_tile;
+    uint first_texels;   // tile of texels, and of sums
+    uint first_receivers; // tile of receivers
+    uint instance;       // NONE: the objects' first ones, of the same index
 };
 
 shared vec3 positions[TILE];
 shared vec3 normals[TILE];
 
 void main() {
-    uint tile = first_tile + gl_WorkGroupID.x;
+    uint sums = first_texels + gl_WorkGroupID.x;
+    uint tile = first_receivers + gl_WorkGroupID.x;
     uint lane = gl_LocalInvocationIndex;
     uint slot = tile * TILE + lane;
-    uint object = texels.at[slot].object;
-    vec4 p = vec4(texels.at[slot].position, 1.0);
-    vec3 n = texels.at[slot].normal;
-    vec4 r0 = placements.at[object].row[0];
-    vec4 r1 = placements.at[object].row[1];
-    vec4 r2 = placements.at[object].row[2];
+    Texel texel = texels.at[sums * TILE + lane];
+    uint place = instance == NONE ? texel.object : instance;
+    vec4 p = vec4(texel.position, 1.0);
+    vec3 n = texel.normal;
+    vec4 r0 = placements.at[place].row[0];
+    vec4 r1 = placements.at[place].row[1];
+    vec4 r2 = placements.at[place].row[2];
     vec3 position = vec3(dot(r0, p), dot(r1, p), dot(r2, p));
-    vec3 normal = vec3(dot(placements.at[object].normal_row[0], n),
-                       dot(placements.at[object].normal_row[1], n),
-                       dot(placements.at[object].normal_row[2], n));
+    vec3 normal = vec3(dot(placements.at[place].normal_row[0], n),
+                       dot(placements.at[place].normal_row[1], n),
+                       dot(placements.at[place].normal_row[2], n));
     normal *= inversesqrt(max(dot(normal, normal), 1e-30));
     receivers.at[slot].position = position;
     receivers.at[slot].normal = normal;
@@ -60,6 +65,8 @@ void main() {
     tiles.at[tile].center = 0.5 * (low + high);
     // Rounding must not let a receiver out of its own box.
     tiles.at[tile].extent = 0.5 * (high - low) + 1e-6 * (abs(low) + abs(high));
+    tiles.at[tile].sums = sums;
+    tiles.at[tile].instance = place;
     tiles.at[tile].axis = axis;
     tiles.at[tile].cone_cos = cone_cos > 0.01 && length_squared > 1e-12 ? cone_cos - 1e-5 : -1.0;
 }

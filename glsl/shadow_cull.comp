@@ -8,21 +8,30 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, scalar) uniform Push {
     Chunks chunks;
+    Instances instances;
     Views views;
     Pairs list;
-    Pairs masked_list;
     ListHeads head;
-    ListHeads masked_head;
     uint chunk_count;
-    uint first_masked;
 };
+
+// Whether a sphere around `offset` from the view's origin touches the cone that the view is limited to.
+bool matters(uint view, vec3 offset, float radius) {
+    float limit = views.at[view].limit_angle;
+    float distance = length(offset);
+    if (limit > PI || distance <= radius) return true;
+    float angle = acos(clamp(dot(views.at[view].limit_axis, offset) / distance, -1.0, 1.0));
+    return angle <= limit + asin(radius / distance) + 1e-3;
+}
 
 void main() {
     uint chunk = gl_GlobalInvocationID.x;
     uint view = gl_GlobalInvocationID.y;
     if (chunk >= chunk_count) return;
+    if (!stands(instances.at[chunks.at[chunk].instance], views.at[view].version)) return;
     vec3 offset = chunks.at[chunk].center - views.at[view].origin;
     vec3 extent = chunks.at[chunk].extent;
+    if (!matters(view, offset, length(extent))) return;
     vec3 x = views.at[view].x;
     vec3 y = views.at[view].y;
     vec3 z = views.at[view].z;
@@ -39,10 +48,6 @@ void main() {
         } else {
             seen = abs(dot(x, offset)) - dot(abs(x), extent) < 1.0 && abs(dot(y, offset)) - dot(abs(y), extent) < 1.0;
         }
-        if (seen) {
-            uvec2 entry = uvec2(chunk, view * 8 + face);
-            if (chunk < first_masked) list.at[atomicAdd(head.at[0].entries, 1)] = entry;
-            else masked_list.at[atomicAdd(masked_head.at[0].entries, 1)] = entry;
-        }
+        if (seen) list.at[atomicAdd(head.at[0].entries, 1)] = uvec2(chunk, view * 8 + face);
     }
 }

@@ -19,7 +19,6 @@ layout(push_constant, scalar) uniform Push {
     Cutouts cutouts;
     Uints bits;
     uint large_capacity;
-    uint first_masked; // triangle
 };
 
 void main() {
@@ -45,7 +44,7 @@ void main() {
     Cutout cutout;
     CutoutPlanes planes;
     if (MASKED) {
-        cutout = cutouts.at[entry.x - first_masked];
+        cutout = cutouts.at[entry.x];
         planes = cutout_planes(s, cutout);
     }
     for (float j = first + float(gl_LocalInvocationIndex); j <= last; j += float(gl_WorkGroupSize.x)) {

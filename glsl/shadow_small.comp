@@ -25,7 +25,6 @@ layout(push_constant, scalar) uniform Push {
     Cutouts cutouts;
     Uints bits;
     uint large_capacity;
-    uint first_masked; // triangle
 };
 
 void main() {
@@ -33,10 +32,8 @@ void main() {
     uint index = list_index();
     if (index >= head.at[0].entries) return;
     uvec2 entry = list.at[index];
-    uint first = chunks.at[entry.x].first;
-    uint count = chunks.at[entry.x].count;
-    if (gl_LocalInvocationIndex >= count) return;
-    uint triangle = first + gl_LocalInvocationIndex;
+    if (gl_LocalInvocationIndex >= chunks.at[entry.x].count) return;
+    uint triangle = entry.x * CHUNK + gl_LocalInvocationIndex;
     uint face = entry.y & 7;
     View view = views.at[entry.y >> 3];
     Setup s = set_up(triangles.at[triangle], view, face);
@@ -74,7 +71,7 @@ void main() {
     Cutout cutout;
     CutoutPlanes planes;
     if (MASKED) {
-        cutout = cutouts.at[triangle - first_masked];
+        cutout = cutouts.at[triangle];
         planes = cutout_planes(s, cutout);
     }
     uint base = view.offset + face_offset(face, view.size);

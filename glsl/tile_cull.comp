@@ -8,20 +8,48 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, scalar) uniform Push {
     Tiles tiles;
+    Instances instances;
+    Regions regions;
     Lights lights;
     Pairs lists;      // FORMS lists of tile_count entries each
     ListHeads heads;  // FORMS
-    uint first_tile;
     uint tile_count;
     uint light_count;
     float epsilon;    // half a texel: VPL13 fig. 8
     float far;        // a polygon further away than this many of its radii is evaluated as a disk
 };
 
+// Whether a segment from `from` along `way` (whole: 1) meets a box.
+bool meets(vec3 from, vec3 way, vec3 center, vec3 extent, float end) {
+    vec3 inverse = 1.0 / mix(way, vec3(1e-30), lessThan(abs(way), vec3(1e-30)));
+    vec3 a = (center - extent - from) * inverse;
+    vec3 b = (center + extent - from) * inverse;
+    vec3 near = min(a, b), far_side = max(a, b);
+    return max(max(near.x, near.y), max(near.z, 0.0)) <= min(min(far_side.x, far_side.y), min(far_side.z, end));
+}
+
+// Whether what differs between a light's version and the one that its update compares with can change its light on the
+// tile: the box, widened by the tile and by as far as depth maps are looked up beside a receiver, meets the way of the light.
+bool differs(uint i, vec3 center, vec3 extent) {
+    bool parallel = lights.at[i].kind == LIGHT_DIRECTIONAL;
+    vec3 origin = lights.at[i].origin;
+    vec3 way = parallel ? lights.at[i].normal : center - origin;
+    float distance = parallel ? 0.0 : length(way) + length(extent);
+    vec3 wide = extent + lights.at[i].blur + lights.at[i].blur_slope * distance + 8.0 * epsilon;
+    uint first = lights.at[i].first_region;
+    for (uint k = 0; k < lights.at[i].regions; ++k) {
+        vec3 middle = regions.at[first + k].center;
+        vec3 half_size = regions.at[first + k].extent + wide;
+        if (parallel ? meets(center, -way, middle, half_size, 1e30) : meets(origin, way, middle, half_size, 1.0)) return true;
+    }
+    return false;
+}
+
 void main() {
-    uint index = gl_GlobalInvocationID.x;
-    if (index >= tile_count) return;
-    uint tile = first_tile + index;
+    uint tile = gl_GlobalInvocationID.x;
+    if (tile >= tile_count) return;
+    Instance instance = instances.at[tiles.at[tile].instance];
+    if (instance.until == 0) return;
     vec3 center = tiles.at[tile].center;
     vec3 extent = tiles.at[tile].extent;
     vec3 axis = tiles.at[tile].axis;
@@ -33,6 +61,11 @@ void main() {
     for (uint form = 0; form < FORMS; ++form) masks[form] = 0;
     for (uint i = 0; i < light_count; ++i) {
         uint kind = lights.at[i].kind;
+        uint version = lights.at[i].version;
+        uint other = lights.at[i].other;
+        bool here = stands(instance, version);
+        if (here && other != version && stands(instance, other)) here = differs(i, center, extent);
+        if (!here) continue;
         vec3 normal = lights.at[i].normal;
         vec3 to_light = lights.at[i].position - center;
         float radius = lights.at[i].radius;

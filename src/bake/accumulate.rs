@@ -7,7 +7,8 @@ use bytemuck::{Pod, Zeroable};
 
 use super::list::Heads;
 use super::place::Receivers;
-use super::records::Light;
+use super::pool::grow;
+use super::records::{Light, Region};
 use super::shaders;
 use super::shadow::ShadowPass;
 use super::shared::{
@@ -44,18 +45,31 @@ pub(super) struct AccumulatePass {
     heads: Heads,
     lists: Buffer,
     lights: Buffer,
+    regions: Buffer,
     sums: Buffer,
+    /// Tiles that have sums.
+    tiles: u32,
     evaluation: Evaluation,
+}
+
+/// A batch of lights as the device gets it.
+pub(super) struct Batch<'a> {
+    pub lights: &'a [Light],
+    /// Where the versions differ that updates are limited to.
+    pub regions: &'a [Region],
+    /// Percentage-closer soft shadows.
+    pub soft: bool,
 }
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct CullPush {
     tiles: Address,
+    instances: Address,
+    regions: Address,
     lights: Address,
     lists: Address,
     heads: Address,
-    first_tile: u32,
     tile_count: u32,
     light_count: u32,
     epsilon: f32,
@@ -66,6 +80,8 @@ struct CullPush {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Push {
     receivers: Address,
+    tiles: Address,
+    instances: Address,
     lights: Address,
     list: Address,
     head: Address,
@@ -80,7 +96,7 @@ struct Push {
 
 impl AccumulatePass {
     pub(super) fn new(gpu: &Gpu, receivers: &Receivers, evaluation: Evaluation) -> Result<Self> {
-        let tiles = u64::from(receivers.tile_count);
+        let tiles = u64::from(receivers.texel_tiles());
         let sums = gpu.buffer(
             "lightmap sums",
             tiles * u64::from(TILE) * 24,
@@ -94,26 +110,49 @@ impl AccumulatePass {
             pipelines: BTreeMap::new(),
             heads: Heads::new(gpu, "tile lists", FORMS)?,
             lists: gpu.buffer("tile entries", tiles * 8 * u64::from(FORMS), Memory::Device)?,
+            regions: gpu.buffer("regions", 16, Memory::Device)?,
             lights: gpu.buffer(
                 "lights",
                 u64::from(BATCH) * size_of::<Light>() as u64,
                 Memory::Device,
             )?,
             sums,
+            tiles: receivers.texel_tiles(),
             evaluation,
         })
     }
 
-    /// Adds `lights`, whose depth maps `shadow` has drawn. `soft`: percentage-closer soft shadows.
+    /// Makes room for the sums of tiles that came to `receivers`: they begin at 0.
+    pub(super) fn extend(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        receivers: &Receivers,
+    ) -> Result<()> {
+        let (tile, before) = (u64::from(TILE) * 24, u64::from(self.tiles));
+        let after = u64::from(receivers.texel_tiles());
+        grow(gpu, cmd, &mut self.sums, after * tile)?;
+        cmd.fill(&self.sums, before * tile, (after - before) * tile, 0);
+        cmd.barrier(Stage::Transfer, Stage::All);
+        self.tiles = receivers.texel_tiles();
+        Ok(())
+    }
+
+    /// Adds a batch whose depth maps `shadow` has drawn. `instances`: the table that says which tiles stand in a light's version.
     pub(super) fn record(
         &mut self,
         gpu: &Gpu,
         cmd: &mut Commands,
         receivers: &Receivers,
         shadow: &ShadowPass,
-        lights: &[Light],
-        soft: bool,
+        instances: Address,
+        batch: &Batch,
     ) -> Result<()> {
+        let &Batch {
+            lights,
+            regions,
+            soft,
+        } = batch;
         assert!(
             lights.len() <= BATCH as usize,
             "a batch has a bit for each of its lights"
@@ -126,17 +165,31 @@ impl AccumulatePass {
                 );
             }
         }
-        let tile_count = receivers.tile_count;
+        let tile_count = receivers.count();
+        grow(
+            gpu,
+            cmd,
+            &mut self.lists,
+            u64::from(tile_count) * 8 * u64::from(FORMS),
+        )?;
+        grow(
+            gpu,
+            cmd,
+            &mut self.regions,
+            std::mem::size_of_val(regions) as u64,
+        )?;
         cmd.upload(&self.lights, 0, lights)?;
+        cmd.upload(&self.regions, 0, regions)?;
         self.heads.clear(cmd);
         cmd.barrier(Stage::All, Stage::Compute);
         cmd.scope("tile cull", |cmd| {
             let push = CullPush {
                 tiles: receivers.tiles.address(),
+                instances,
+                regions: self.regions.address(),
                 lights: self.lights.address(),
                 lists: self.lists.address(),
                 heads: self.heads.address(0),
-                first_tile: 0,
                 tile_count,
                 light_count: lights.len() as u32,
                 epsilon: self.evaluation.epsilon,
@@ -148,6 +201,8 @@ impl AccumulatePass {
         for form in forms {
             let push = Push {
                 receivers: receivers.receivers.address(),
+                tiles: receivers.tiles.address(),
+                instances,
                 lights: self.lights.address(),
                 list: self
                     .lists
@@ -177,7 +232,7 @@ impl AccumulatePass {
 
     /// The sums: per tile 64 reds, 64 greens, 64 blues.
     pub(super) fn read(&self) -> Result<Vec<i64>> {
-        self.sums.read(0..(self.sums.size() / 8) as usize)
+        self.sums.read(0..(self.tiles * TILE * 3) as usize)
     }
 
     /// Fixed-point units per lux.

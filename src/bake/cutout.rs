@@ -1,15 +1,21 @@
 //! Where triangles of masked materials let light pass: one bit a texel, and which triangles need to ask for it.
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use glam::Vec2;
 
 use super::records::Cutout;
-use crate::scene::{AlphaMode, Scene, Wrap};
+use crate::scene::{AlphaMode, Scene, Texture, Wrap};
 
-/// The alpha masks of a scene's materials, as bits: set where light is stopped. Rows start at whole words.
+/// The alpha masks of materials, as bits: set where light is stopped. Rows start at whole words.
+#[derive(Default)]
 pub(super) struct Masks {
     pub(super) bits: Vec<u32>,
-    /// First word, by material.
+    /// First word, by material of the scene last learned; none where it was not asked for or has no mask.
     first: Vec<Option<u32>>,
+    /// First word of every mask ever made: texture, alpha factor, cutoff.
+    known: Vec<(Arc<Texture>, [u32; 2], u32)>,
 }
 
 /// What a triangle's alpha leaves of it.
@@ -21,35 +27,50 @@ pub(super) enum Coverage {
 }
 
 impl Masks {
-    pub(super) fn new(scene: &Scene) -> Self {
-        let mut bits = Vec::new();
-        let first = scene
-            .materials
+    /// Makes the masks that the objects' materials need and that are not known yet.
+    pub(super) fn learn(&mut self, scene: &Scene, objects: &[u32]) {
+        let used: BTreeSet<u32> = objects
             .iter()
+            .flat_map(|&object| &scene.mesh(object).primitives)
+            .map(|primitive| primitive.material)
+            .collect();
+        self.first = (0..scene.materials.len() as u32)
             .map(|material| {
-                let AlphaMode::Mask { cutoff } = material.alpha else {
-                    return None;
-                };
-                let texture =
-                    &scene.textures[material.base_color_texture.as_ref()?.texture as usize];
-                if texture.texels.is_empty() {
-                    return None;
-                }
-                let first = bits.len() as u32;
-                for row in texture.texels.chunks(texture.width as usize) {
-                    bits.extend(row.chunks(32).map(|word| {
-                        let stops = |t: &[u8; 4]| {
-                            material.base_color.w * (f32::from(t[3]) / 255.0) >= cutoff
-                        };
-                        (0..)
-                            .zip(word)
-                            .fold(0, |bits, (i, t)| bits | u32::from(stops(t)) << i)
-                    }));
-                }
-                Some(first)
+                used.contains(&material)
+                    .then(|| self.mask(scene, material))?
             })
             .collect();
-        Self { bits, first }
+    }
+
+    /// The first word of a material's mask.
+    fn mask(&mut self, scene: &Scene, material: u32) -> Option<u32> {
+        let material = &scene.materials[material as usize];
+        let AlphaMode::Mask { cutoff } = material.alpha else {
+            return None;
+        };
+        let texture = &scene.textures[material.base_color_texture.as_ref()?.texture as usize];
+        if texture.texels.is_empty() {
+            return None;
+        }
+        let alpha = [material.base_color.w.to_bits(), cutoff.to_bits()];
+        let same = |(known, a, _): &&(Arc<Texture>, [u32; 2], u32)| {
+            Arc::ptr_eq(known, texture) && *a == alpha
+        };
+        if let Some((_, _, first)) = self.known.iter().find(same) {
+            return Some(*first);
+        }
+        let first = self.bits.len() as u32;
+        for row in texture.texels.chunks(texture.width as usize) {
+            self.bits.extend(row.chunks(32).map(|word| {
+                let stops =
+                    |t: &[u8; 4]| material.base_color.w * (f32::from(t[3]) / 255.0) >= cutoff;
+                (0..)
+                    .zip(word)
+                    .fold(0, |bits, (i, t)| bits | u32::from(stops(t)) << i)
+            }));
+        }
+        self.known.push((texture.clone(), alpha, first));
+        Some(first)
     }
 
     /// What is left of an object's triangle; corners in the order of [`Scene::world_triangle`].

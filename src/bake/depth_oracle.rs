@@ -3,9 +3,10 @@
 use glam::{Affine2, DVec3, Vec2, Vec3};
 
 use super::occluders::Occluders;
-use super::oracle::{Numbers, SIZES, bounds, gpu, random_light, soup};
+use super::oracle::{Numbers, SIZES, around, bounds, gpu, random_light, soup};
 use super::records::{self, ShadowSizes, View};
 use super::shadow::ShadowPass;
+use super::versions::Versions;
 use crate::gpu::Gpu;
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Wrap};
 
@@ -47,15 +48,16 @@ fn triangles(numbers: &mut Numbers, count: usize) -> Vec<[Vec3; 3]> {
 /// Draws `scene` from two random lights and compares every pixel.
 fn compare(gpu: &Gpu, numbers: &mut Numbers, scene: &Scene, triangles: &[[Vec3; 3]], stops: Stops) {
     let occluders = Occluders::new(gpu, scene).expect("upload");
-    let shadow = ShadowPass::new(gpu, &occluders, 1 << 20).expect("buffers");
+    let mut shadow = ShadowPass::new(gpu, 1 << 20).expect("buffers");
+    let versions = Versions::new(gpu, 1, bounds()).expect("buffers");
     for kind in [1, 4] {
         let light = random_light(numbers, kind);
         let sizes = ShadowSizes { sun: 96, ..SIZES };
         let (mut views, mut offset) = (Vec::new(), 0);
-        records::record(&light, 1, &sizes, &bounds(), &mut views, &mut offset);
+        records::record(&light, 1, &sizes, &around(), &mut views, &mut offset);
         let mut cmd = gpu.commands().expect("recording");
         shadow
-            .record(&mut cmd, &occluders, &views)
+            .record(gpu, &mut cmd, &occluders, versions.address(), &views)
             .expect("recording");
         cmd.submit()
             .expect("submission")

@@ -6,6 +6,7 @@ mod enclosed;
 mod list;
 mod occluders;
 mod place;
+mod pool;
 mod progress;
 mod records;
 mod report;
@@ -17,6 +18,7 @@ mod shadow_bench;
 pub mod shared;
 mod update;
 pub mod uv_raster;
+mod versions;
 
 pub use occluders::Occluders;
 pub use place::Receivers;
@@ -28,8 +30,11 @@ pub use settings::{
 };
 pub use shadow_bench::{ShadowBench, ShadowCost};
 pub use update::{Illumination, Sign};
+pub use versions::Version;
 
 #[cfg(test)]
 mod depth_oracle;
 #[cfg(test)]
 mod oracle;
+#[cfg(test)]
+mod versions_oracle;

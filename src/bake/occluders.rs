@@ -1,79 +1,196 @@
 //! What casts shadows: world-space triangles on the device, in chunks small and compact enough to be culled.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::cutout::{Coverage, Masks};
+use super::pool::{Pool, grow};
 use super::records::{Chunk, Cutout, Triangle};
 use super::shared::CHUNK;
-use crate::gpu::{Buffer, Gpu, Result};
+use crate::gpu::{Buffer, Commands, Gpu, Memory, Result};
 use crate::scene::Scene;
 
-/// The scene's triangles as the shadow passes read them: first those that stop all light, then those with a cutout,
-/// in chunks of their own.
+/// The triangles of all instances as the shadow passes read them: those that stop all light, and those with a cutout.
 pub struct Occluders {
-    pub(super) triangles: Buffer,
-    pub(super) chunks: Buffer,
-    /// One for each triangle from `first_masked_triangle` on.
-    pub(super) cutouts: Buffer,
+    pub(super) whole: Chunks,
+    pub(super) masked: Chunks,
     /// The masks' bits.
     pub(super) bits: Buffer,
-    pub(super) chunk_count: u32,
-    /// The first chunk of triangles with a cutout.
-    pub(super) first_masked_chunk: u32,
-    pub(super) first_masked_triangle: u32,
-    /// Triangles that cast a shadow.
-    pub triangle_count: u64,
+    masks: Masks,
+}
+
+/// Chunks of one kind of triangle: chunk `c` has the triangles (and cutouts) from `c * CHUNK` on.
+pub(super) struct Chunks {
+    pub(super) triangles: Buffer,
+    pub(super) cutouts: Buffer,
+    pub(super) chunks: Buffer,
+    pool: Pool,
+    /// By instance: its chunks, and its triangles in them.
+    taken: BTreeMap<u32, (Range<u32>, u64)>,
+    masked: bool,
 }
 
 /// A triangle in world space, and its cutout if it has one.
 type Part = ([Vec3; 3], Option<Cutout>);
 
 impl Occluders {
-    /// Uploads all triangles of all objects. Those without area cast no shadow and are left out, as are those whose
-    /// alpha lets all light pass.
+    /// Uploads all triangles of all objects, object `i` as instance `i`. Those without area cast no shadow and are left
+    /// out, as are those whose alpha lets all light pass.
     pub fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
-        let masks = Masks::new(scene);
-        let objects: Vec<[Vec<Part>; 2]> = (0..scene.objects.len() as u32)
-            .into_par_iter()
-            .map(|object| {
-                let (mut whole, mut masked) = parts_of(scene, &masks, object);
+        let mut out = Self {
+            whole: Chunks::new(gpu, false)?,
+            masked: Chunks::new(gpu, true)?,
+            bits: gpu.buffer("alpha masks", 16, Memory::Device)?,
+            masks: Masks::default(),
+        };
+        let objects: Vec<u32> = (0..scene.objects.len() as u32).collect();
+        let mut cmd = gpu.commands()?;
+        out.add(gpu, &mut cmd, scene, &objects, &objects)?;
+        cmd.submit()?.wait()?;
+        Ok(out)
+    }
+
+    /// Adds instances of objects where they stand in `scene`.
+    pub(super) fn add(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        scene: &Scene,
+        objects: &[u32],
+        instances: &[u32],
+    ) -> Result<()> {
+        let known = self.masks.bits.len();
+        self.masks.learn(scene, objects);
+        let masks = &self.masks;
+        grow(gpu, cmd, &mut self.bits, masks.bits.len() as u64 * 4)?;
+        cmd.upload(&self.bits, known as u64 * 4, &masks.bits[known..])?;
+        let parts: Vec<[Vec<Part>; 2]> = objects
+            .par_iter()
+            .map(|&object| {
+                let (mut whole, mut masked) = parts_of(scene, masks, object);
                 split(&mut whole);
                 split(&mut masked);
                 [whole, masked]
             })
             .collect();
-        let mut parts: Vec<&Part> = Vec::new();
-        let mut chunks = Vec::new();
-        let mut first_masked = (0, 0);
-        for kind in 0..2 {
-            first_masked = (chunks.len() as u32, parts.len() as u32);
-            for object in &objects {
-                for part in object[kind].chunks(CHUNK as usize) {
-                    chunks.push(chunk(part, parts.len() as u32));
-                    parts.extend(part);
+        let of = |kind: usize| {
+            let parts = parts.iter().map(move |p| &p[kind][..]);
+            instances.iter().copied().zip(parts).collect::<Vec<_>>()
+        };
+        self.whole.add(gpu, cmd, &of(0))?;
+        self.masked.add(gpu, cmd, &of(1))
+    }
+
+    /// Gives back what the instances took.
+    pub(super) fn remove(&mut self, instances: &[u32]) {
+        for chunks in [&mut self.whole, &mut self.masked] {
+            for instance in instances {
+                if let Some((range, _)) = chunks.taken.remove(instance) {
+                    chunks.pool.give(range);
                 }
             }
         }
-        let triangles: Vec<Triangle> = parts
-            .iter()
-            .map(|([a, b, c], _)| Triangle {
-                a: a.to_array(),
-                b: b.to_array(),
-                c: c.to_array(),
-            })
-            .collect();
-        let cutouts: Vec<Cutout> = parts.iter().filter_map(|p| p.1).collect();
+    }
+
+    /// Triangles that cast a shadow, of all instances.
+    pub fn triangles(&self) -> u64 {
+        let all = self.whole.taken.values().chain(self.masked.taken.values());
+        all.map(|(_, triangles)| triangles).sum()
+    }
+}
+
+impl Chunks {
+    fn new(gpu: &Gpu, masked: bool) -> Result<Self> {
+        let buffer = |name| gpu.buffer(name, 16, Memory::Device);
         Ok(Self {
-            triangles: gpu.buffer_with("occluder triangles", &triangles)?,
-            chunks: gpu.buffer_with("occluder chunks", &chunks)?,
-            cutouts: gpu.buffer_with("occluder cutouts", &cutouts)?,
-            bits: gpu.buffer_with("alpha masks", &masks.bits)?,
-            chunk_count: chunks.len() as u32,
-            first_masked_chunk: first_masked.0,
-            first_masked_triangle: first_masked.1,
-            triangle_count: triangles.len() as u64,
+            triangles: buffer("occluder triangles")?,
+            cutouts: buffer("occluder cutouts")?,
+            chunks: buffer("occluder chunks")?,
+            pool: Pool::default(),
+            taken: BTreeMap::new(),
+            masked,
         })
+    }
+
+    /// Chunks to go through; some may be no instance's.
+    pub(super) fn count(&self) -> u32 {
+        self.pool.end()
+    }
+
+    fn add(&mut self, gpu: &Gpu, cmd: &mut Commands, parts: &[(u32, &[Part])]) -> Result<()> {
+        let mut placed: Vec<(Range<u32>, u32, &[Part])> = Vec::new();
+        for &(instance, parts) in parts {
+            let range = self.pool.take((parts.len() as u32).div_ceil(CHUNK));
+            self.taken
+                .insert(instance, (range.clone(), parts.len() as u64));
+            placed.push((range, instance, parts));
+        }
+        let (end, slots) = (u64::from(self.pool.end()), u64::from(CHUNK));
+        grow(gpu, cmd, &mut self.chunks, end * size_of::<Chunk>() as u64)?;
+        grow(
+            gpu,
+            cmd,
+            &mut self.triangles,
+            end * slots * size_of::<Triangle>() as u64,
+        )?;
+        if self.masked {
+            grow(
+                gpu,
+                cmd,
+                &mut self.cutouts,
+                end * slots * size_of::<Cutout>() as u64,
+            )?;
+        }
+        // Ranges that follow each other go in one copy.
+        for run in placed.chunk_by(|(a, ..), (b, ..)| a.end == b.start) {
+            let first = u64::from(run[0].0.start);
+            let chunks: Vec<Chunk> = run
+                .iter()
+                .flat_map(|(_, instance, parts)| {
+                    parts.chunks(CHUNK as usize).map(|p| chunk(p, *instance))
+                })
+                .collect();
+            let padded = run.iter().flat_map(|(_, _, parts)| {
+                let filled = parts.len().next_multiple_of(CHUNK as usize);
+                parts
+                    .iter()
+                    .map(Some)
+                    .chain(std::iter::repeat_n(None, filled - parts.len()))
+            });
+            let triangles: Vec<Triangle> = padded
+                .clone()
+                .map(|part| {
+                    part.map_or(bytemuck::Zeroable::zeroed(), |([a, b, c], _)| Triangle {
+                        a: a.to_array(),
+                        b: b.to_array(),
+                        c: c.to_array(),
+                    })
+                })
+                .collect();
+            cmd.upload(&self.chunks, first * size_of::<Chunk>() as u64, &chunks)?;
+            cmd.upload(
+                &self.triangles,
+                first * slots * size_of::<Triangle>() as u64,
+                &triangles,
+            )?;
+            if self.masked {
+                let cutouts: Vec<Cutout> = padded
+                    .map(|part| {
+                        part.and_then(|p| p.1)
+                            .unwrap_or(bytemuck::Zeroable::zeroed())
+                    })
+                    .collect();
+                cmd.upload(
+                    &self.cutouts,
+                    first * slots * size_of::<Cutout>() as u64,
+                    &cutouts,
+                )?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -90,15 +207,15 @@ fn parts_of(scene: &Scene, masks: &Masks, object: u32) -> (Vec<Part>, Vec<Part>)
         .partition(|part| part.1.is_none())
 }
 
-fn chunk(parts: &[Part], first: u32) -> Chunk {
+fn chunk(parts: &[Part], instance: u32) -> Chunk {
     let vertices = parts.iter().flat_map(|p| p.0);
     let low = vertices.clone().fold(Vec3::INFINITY, Vec3::min);
     let high = vertices.fold(Vec3::NEG_INFINITY, Vec3::max);
     Chunk {
         center: (0.5 * (low + high)).to_array(),
         extent: (0.5 * (high - low) + 1e-6 * (low.abs() + high.abs())).to_array(),
-        first,
         count: parts.len() as u32,
+        instance,
     }
 }
 

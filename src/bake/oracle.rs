@@ -1,14 +1,17 @@
 //! Slow, obvious twins of the GPU passes, and the tests that hold the passes to them.
 
+use std::sync::LazyLock;
+
 use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3, Vec4};
 
-use super::accumulate::{AccumulatePass, Evaluation};
+use super::accumulate::{AccumulatePass, Batch, Evaluation};
 use super::occluders::Occluders;
 use super::place::Receivers;
-use super::records::{self, Light, ShadowSizes};
+use super::records::{self, Light, ShadowSizes, Surroundings};
 use super::shaders;
 use super::shadow::ShadowPass;
+use super::versions::Versions;
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Stage};
 use crate::lightmap::Texel;
@@ -92,7 +95,7 @@ pub(super) fn soup(triangles: &[[Vec3; 3]]) -> Scene {
 }
 
 /// Receivers anywhere in the cube of the given half size, facing anywhere, as whole tiles.
-fn random_texels(numbers: &mut Numbers, tiles: usize, half: f32) -> Vec<Texel> {
+pub(super) fn random_texels(numbers: &mut Numbers, tiles: usize, half: f32) -> Vec<Texel> {
     (0..tiles)
         .flat_map(|_| {
             // Tiles are small and nearly flat, as real ones are.
@@ -114,7 +117,7 @@ pub(super) const SIZES: ShadowSizes = ShadowSizes {
     direct: 128,
     sun: 256,
 };
-const EVALUATION: Evaluation = Evaluation {
+pub(super) const EVALUATION: Evaluation = Evaluation {
     scale: (1u64 << 32) as f32,
     epsilon: 0.0,
     disk_area: 0.3,
@@ -127,6 +130,19 @@ pub(super) fn bounds() -> Bounds {
     }
 }
 
+/// The only version there is.
+pub(super) fn around() -> Surroundings<'static> {
+    static BOUNDS: LazyLock<Bounds> = LazyLock::new(bounds);
+    Surroundings {
+        version: 0,
+        other: 0,
+        regions: &[],
+        first_region: 0,
+        bounds: &BOUNDS,
+        soft: false,
+    }
+}
+
 /// Runs the real passes; returns irradiance in lux per receiver.
 fn accumulate(
     gpu: &Gpu,
@@ -135,24 +151,38 @@ fn accumulate(
     lights: &[(VirtualLight, i32)],
 ) -> Vec<[f64; 3]> {
     let occluders = Occluders::new(gpu, scene).expect("upload");
-    let receivers = Receivers::new(gpu, scene, texels).expect("place");
-    let shadow = ShadowPass::new(gpu, &occluders, 16 << 20).expect("buffers");
+    let tiles = 0..(texels.len() / Texel::TILE) as u32;
+    let receivers = Receivers::new(gpu, scene, texels, &[tiles]).expect("place");
+    let mut shadow = ShadowPass::new(gpu, 16 << 20).expect("buffers");
+    let versions = Versions::new(gpu, 1, bounds()).expect("buffers");
     let mut pass = AccumulatePass::new(gpu, &receivers, EVALUATION).expect("buffers");
     for batch in lights.chunks(8) {
         let (mut views, mut offset) = (Vec::new(), 0);
         let records: Vec<Light> = batch
             .iter()
             .map(|(light, sign)| {
-                records::record(light, *sign, &SIZES, &bounds(), &mut views, &mut offset)
+                records::record(light, *sign, &SIZES, &around(), &mut views, &mut offset)
             })
             .collect();
         let mut cmd = gpu.commands().expect("recording");
         cmd.barrier(Stage::All, Stage::All);
         shadow
-            .record(&mut cmd, &occluders, &views)
+            .record(gpu, &mut cmd, &occluders, versions.address(), &views)
             .expect("recording");
-        pass.record(gpu, &mut cmd, &receivers, &shadow, &records, false)
-            .expect("recording");
+        let batch = Batch {
+            lights: &records,
+            regions: &[],
+            soft: false,
+        };
+        pass.record(
+            gpu,
+            &mut cmd,
+            &receivers,
+            &shadow,
+            versions.address(),
+            &batch,
+        )
+        .expect("recording");
         cmd.submit()
             .expect("submission")
             .wait()
@@ -364,6 +394,23 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(records::Tile, extent),
                 offset_of!(records::Tile, axis),
                 offset_of!(records::Tile, cone_cos),
+                offset_of!(records::Tile, sums),
+                offset_of!(records::Tile, instance),
+            ],
+        ),
+        (
+            "Instance",
+            &[
+                offset_of!(records::Instance, since),
+                offset_of!(records::Instance, until),
+                offset_of!(records::Instance, crowded),
+            ],
+        ),
+        (
+            "Region",
+            &[
+                offset_of!(records::Region, center),
+                offset_of!(records::Region, extent),
             ],
         ),
         (
@@ -395,8 +442,8 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
             &[
                 offset_of!(records::Chunk, center),
                 offset_of!(records::Chunk, extent),
-                offset_of!(records::Chunk, first),
                 offset_of!(records::Chunk, count),
+                offset_of!(records::Chunk, instance),
             ],
         ),
         (
@@ -410,6 +457,9 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(records::View, size),
                 offset_of!(records::View, kind),
                 offset_of!(records::View, cos_cone),
+                offset_of!(records::View, version),
+                offset_of!(records::View, limit_axis),
+                offset_of!(records::View, limit_angle),
             ],
         ),
         (
@@ -425,6 +475,13 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(Light, kind),
                 offset_of!(Light, sign),
                 offset_of!(Light, view),
+                offset_of!(Light, version),
+                offset_of!(Light, other),
+                offset_of!(Light, first_region),
+                offset_of!(Light, regions),
+                offset_of!(Light, origin),
+                offset_of!(Light, blur),
+                offset_of!(Light, blur_slope),
                 offset_of!(Light, vertices),
                 offset_of!(Light, vertex),
             ],

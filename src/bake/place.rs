@@ -1,11 +1,15 @@
-//! Puts object-space texels into the world: receivers, and the box and normal cone of every tile.
+//! Puts object-space texels into the world: receivers of every instance, and the box and normal cone of every tile.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::pool::{Pool, grow};
 use super::records::{Placement, Receiver, Tile};
 use super::shaders;
-use super::shared::TILE;
-use crate::gpu::{Address, Buffer, Gpu, Memory, Result, Stage};
+use super::shared::{NONE, TILE};
+use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 use crate::lightmap::Texel;
 use crate::scene::Scene;
 
@@ -13,7 +17,14 @@ use crate::scene::Scene;
 pub struct Receivers {
     pub(super) receivers: Buffer,
     pub(super) tiles: Buffer,
-    pub(super) tile_count: u32,
+    texels: Buffer,
+    placements: Buffer,
+    pipeline: Pipeline,
+    pool: Pool,
+    /// By instance.
+    taken: BTreeMap<u32, Range<u32>>,
+    /// Tiles of texels, that is of sums.
+    texel_tiles: u32,
 }
 
 #[repr(C)]
@@ -23,58 +34,131 @@ struct Push {
     placements: Address,
     receivers: Address,
     tiles: Address,
-    first_tile: u32,
+    first_texels: u32,
+    first_receivers: u32,
+    instance: u32,
 }
 
 /// Workgroups per dispatch, below the guaranteed limit.
 const STRIDE: u32 = 1 << 15;
 
 impl Receivers {
-    /// `texels`: whole tiles, as [`crate::lightmap::texels`] lists them.
-    pub fn new(gpu: &Gpu, scene: &Scene, texels: &[Texel]) -> Result<Self> {
-        let tile_count = texels.len() as u32 / TILE;
+    /// `texels`: whole tiles, as [`crate::lightmap::texels`] lists them, and each object's. Object `i` is instance `i`.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        texels: &[Texel],
+        tiles_of: &[Range<u32>],
+    ) -> Result<Self> {
+        let tiles = texels.len() as u32 / TILE;
         let placements: Vec<Placement> = scene
             .objects
             .iter()
             .map(|o| placement(&o.transform))
             .collect();
-        let pipeline = gpu.pipeline(shaders::PLACE, &[])?;
-        let texel_buffer = gpu.buffer_with("texels", texels)?;
-        let placement_buffer = gpu.buffer_with("placements", &placements)?;
+        let (receiver, tile) = (size_of::<Receiver>() as u64, size_of::<Tile>() as u64);
+        let mut pool = Pool::default();
+        pool.take(tiles);
         let out = Self {
-            receivers: gpu.buffer(
-                "receivers",
-                texels.len() as u64 * size_of::<Receiver>() as u64,
-                Memory::Device,
-            )?,
-            tiles: gpu.buffer(
-                "tiles",
-                u64::from(tile_count) * size_of::<Tile>() as u64,
-                Memory::Device,
-            )?,
-            tile_count,
+            receivers: gpu.buffer("receivers", texels.len() as u64 * receiver, Memory::Device)?,
+            tiles: gpu.buffer("tiles", u64::from(tiles) * tile, Memory::Device)?,
+            texels: gpu.buffer_with("texels", texels)?,
+            placements: gpu.buffer_with("placements", &placements)?,
+            pipeline: gpu.pipeline(shaders::PLACE, &[])?,
+            pool,
+            taken: (0..).zip(tiles_of.iter().cloned()).collect(),
+            texel_tiles: tiles,
         };
         let mut cmd = gpu.commands()?;
         cmd.barrier(Stage::Transfer, Stage::Compute);
-        cmd.scope("place", |cmd| {
-            for first_tile in (0..tile_count).step_by(STRIDE as usize) {
-                let push = Push {
-                    texels: texel_buffer.address(),
-                    placements: placement_buffer.address(),
-                    receivers: out.receivers.address(),
-                    tiles: out.tiles.address(),
-                    first_tile,
-                };
-                cmd.dispatch(
-                    &pipeline,
-                    &push,
-                    [STRIDE.min(tile_count - first_tile) * TILE, 1, 1],
-                );
-            }
-        });
+        out.dispatch(&mut cmd, 0..tiles, 0, NONE);
         cmd.barrier(Stage::Compute, Stage::Compute);
         cmd.submit()?.wait()?;
         Ok(out)
+    }
+
+    /// Tiles of receivers to go through; some may be no instance's.
+    pub(super) fn count(&self) -> u32 {
+        self.pool.end()
+    }
+
+    /// Tiles of texels, and of sums.
+    pub(super) fn texel_tiles(&self) -> u32 {
+        self.texel_tiles
+    }
+
+    /// Appends tiles of texels.
+    pub(super) fn append(&mut self, gpu: &Gpu, cmd: &mut Commands, texels: &[Texel]) -> Result<()> {
+        let before = u64::from(self.texel_tiles * TILE) * size_of::<Texel>() as u64;
+        let bytes = std::mem::size_of_val(texels) as u64;
+        grow(gpu, cmd, &mut self.texels, before + bytes)?;
+        cmd.upload(&self.texels, before, texels)?;
+        self.texel_tiles += texels.len() as u32 / TILE;
+        Ok(())
+    }
+
+    /// Adds an instance of an object whose texels are the tiles `texels`.
+    pub(super) fn add(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        instance: u32,
+        transform: &glam::Affine3A,
+        texels: Range<u32>,
+    ) -> Result<()> {
+        let range = self.pool.take(texels.len() as u32);
+        let end = u64::from(self.pool.end());
+        let stride = size_of::<Placement>() as u64;
+        grow(
+            gpu,
+            cmd,
+            &mut self.receivers,
+            end * u64::from(TILE) * size_of::<Receiver>() as u64,
+        )?;
+        grow(gpu, cmd, &mut self.tiles, end * size_of::<Tile>() as u64)?;
+        grow(
+            gpu,
+            cmd,
+            &mut self.placements,
+            u64::from(instance + 1) * stride,
+        )?;
+        cmd.upload(
+            &self.placements,
+            u64::from(instance) * stride,
+            &[placement(transform)],
+        )?;
+        cmd.barrier(Stage::Transfer, Stage::Compute);
+        self.dispatch(cmd, texels, range.start, instance);
+        cmd.barrier(Stage::Compute, Stage::All);
+        self.taken.insert(instance, range);
+        Ok(())
+    }
+
+    /// Gives back what the instances took.
+    pub(super) fn remove(&mut self, instances: &[u32]) {
+        for instance in instances {
+            if let Some(range) = self.taken.remove(instance) {
+                self.pool.give(range);
+            }
+        }
+    }
+
+    fn dispatch(&self, cmd: &mut Commands, texels: Range<u32>, first: u32, instance: u32) {
+        cmd.scope("place", |cmd| {
+            for done in (0..texels.len() as u32).step_by(STRIDE as usize) {
+                let push = Push {
+                    texels: self.texels.address(),
+                    placements: self.placements.address(),
+                    receivers: self.receivers.address(),
+                    tiles: self.tiles.address(),
+                    first_texels: texels.start + done,
+                    first_receivers: first + done,
+                    instance,
+                };
+                let tiles = STRIDE.min(texels.len() as u32 - done);
+                cmd.dispatch(&self.pipeline, &push, [tiles * TILE, 1, 1]);
+            }
+        });
     }
 }
 

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use super::shared::*;
+use super::versions::Version;
 use crate::cluster::{Shape, VirtualLight};
 use crate::scene::Bounds;
 
@@ -23,6 +24,8 @@ pub(super) struct Tile {
     pub extent: [f32; 3],
     pub axis: [f32; 3],
     pub cone_cos: f32,
+    pub sums: u32,
+    pub instance: u32,
 }
 
 /// `Placement`.
@@ -58,8 +61,25 @@ pub(super) struct Cutout {
 pub(super) struct Chunk {
     pub center: [f32; 3],
     pub extent: [f32; 3],
-    pub first: u32,
     pub count: u32,
+    pub instance: u32,
+}
+
+/// `Instance`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Instance {
+    pub since: u32,
+    pub until: u32,
+    pub crowded: u32,
+}
+
+/// `Region`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct Region {
+    pub center: [f32; 3],
+    pub extent: [f32; 3],
 }
 
 /// `View`.
@@ -74,6 +94,9 @@ pub(super) struct View {
     pub size: u32,
     pub kind: u32,
     pub cos_cone: f32,
+    pub version: u32,
+    pub limit_axis: [f32; 3],
+    pub limit_angle: f32,
 }
 
 /// `Light`.
@@ -90,6 +113,13 @@ pub(super) struct Light {
     pub kind: u32,
     pub sign: i32,
     pub view: u32,
+    pub version: u32,
+    pub other: u32,
+    pub first_region: u32,
+    pub regions: u32,
+    pub origin: [f32; 3],
+    pub blur: f32,
+    pub blur_slope: f32,
     pub vertices: u32,
     pub vertex: [[f32; 3]; MAX_VERTICES as usize],
 }
@@ -112,27 +142,61 @@ pub(super) struct ShadowSizes {
     pub sun: u32,
 }
 
+/// The scene that a light shines in, as far as its record depends on it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Surroundings<'a> {
+    pub version: Version,
+    /// The version that the update compares with; the same where the whole light comes or goes.
+    pub other: Version,
+    /// Where the two differ.
+    pub regions: &'a [Region],
+    /// Where these begin in the batch's list.
+    pub first_region: u32,
+    /// Of the whole scene in `version`.
+    pub bounds: &'a Bounds,
+    /// Percentage-closer soft shadows.
+    pub soft: bool,
+}
+
+/// Pixels beside its own direction that a receiver is looked up at, at most: it is lifted by less than one, and a pixel
+/// stands for all directions through it.
+const LOOKUP: f32 = 2.0;
+
 /// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer.
 pub(super) fn record(
     light: &VirtualLight,
     sign: i32,
     sizes: &ShadowSizes,
-    bounds: &Bounds,
+    around: &Surroundings,
     views: &mut Vec<View>,
     offset: &mut u32,
 ) -> Light {
+    let size = match light.shape {
+        Shape::Directional { .. } => sizes.sun,
+        _ if light.direct => sizes.direct,
+        _ => sizes.indirect,
+    };
     let mut out = Light {
         position: light.position.to_array(),
         normal: light.normal.to_array(),
         flux: light.flux.to_array(),
         sign,
         view: views.len() as u32,
+        version: around.version,
+        other: around.other,
+        first_region: around.first_region,
+        regions: around.regions.len() as u32,
+        origin: light.position.to_array(),
+        // A pixel of a hemicube spans up to 2 / size of the distance.
+        blur_slope: LOOKUP * 2.0 / size as f32,
         ..Light::zeroed()
     };
-    let size = if light.direct {
-        sizes.direct
+    // Each lookup of one tap sees one pixel: those that differ lie around the regions. Where several are blended, the rest
+    // must be right as well.
+    let (limit_axis, limit_angle) = if around.version == around.other || around.soft {
+        (Vec3::Z, f32::INFINITY)
     } else {
-        sizes.indirect
+        cone(light.position, around.regions, LOOKUP * 2.0 / size as f32)
     };
     let mut hemicube = |pole: Vec3, cos_cone: f32| {
         let (x, y) = pole.any_orthonormal_pair();
@@ -145,6 +209,9 @@ pub(super) fn record(
             size,
             kind: VIEW_HEMICUBE,
             cos_cone,
+            version: around.version,
+            limit_axis: limit_axis.to_array(),
+            limit_angle,
         });
         *offset += 3 * size * size;
     };
@@ -183,21 +250,53 @@ pub(super) fn record(
         }
         Shape::Directional { .. } => {
             out.kind = LIGHT_DIRECTIONAL;
-            views.push(parallel_view(light.normal, sizes.sun, bounds, *offset));
-            *offset += sizes.sun * sizes.sun;
+            let (view, pixel) = parallel_view(light.normal, size, around, *offset);
+            views.push(view);
+            *offset += size * size;
+            out.blur = LOOKUP * pixel;
+            out.blur_slope = 0.0;
         }
+    }
+    if around.soft {
+        out.blur += 2.0 * out.radius;
     }
     out
 }
 
-/// A square map over the whole scene, looking along `direction`; the stored value grows towards the light.
-fn parallel_view(direction: Vec3, size: u32, bounds: &Bounds, offset: u32) -> View {
+/// The cone from `origin` that holds the regions, widened by `margin` radians: axis, and angle from it. Without limit where
+/// the origin lies among them.
+fn cone(origin: Vec3, regions: &[Region], margin: f32) -> (Vec3, f32) {
+    let spheres = regions.iter().map(|r| {
+        let radius = Vec3::from(r.extent).length();
+        (Vec3::from(r.center) - origin, radius)
+    });
+    let axis = spheres
+        .clone()
+        .map(|(way, _)| way.normalize_or_zero())
+        .sum::<Vec3>()
+        .normalize_or(Vec3::Z);
+    let angle = spheres
+        .map(|(way, radius)| {
+            let distance = way.length();
+            if distance > radius {
+                way.angle_between(axis) + (radius / distance).asin()
+            } else {
+                f32::INFINITY
+            }
+        })
+        .fold(0.0, f32::max);
+    (axis, angle + margin)
+}
+
+/// A square map over the whole scene, looking along `direction`, and the larger edge of its pixels in metres; the stored
+/// value grows towards the light.
+fn parallel_view(direction: Vec3, size: u32, around: &Surroundings, offset: u32) -> (View, f32) {
     let z = -direction;
     let (x, y) = z.any_orthonormal_pair();
-    let half = bounds.size() * 0.5005 + Vec3::splat(1e-4);
+    let half = around.bounds.size() * 0.5005 + Vec3::splat(1e-4);
     let reach = |axis: Vec3| axis.abs().dot(half);
-    let origin = bounds.center() - z * reach(z);
-    View {
+    let origin = around.bounds.center() - z * reach(z);
+    let view = View {
         origin: origin.to_array(),
         x: (x / reach(x)).to_array(),
         y: (y / reach(y)).to_array(),
@@ -206,7 +305,11 @@ fn parallel_view(direction: Vec3, size: u32, bounds: &Bounds, offset: u32) -> Vi
         size,
         kind: VIEW_ORTHOGRAPHIC,
         cos_cone: -1.0,
-    }
+        version: around.version,
+        limit_axis: Vec3::Z.to_array(),
+        limit_angle: f32::INFINITY,
+    };
+    (view, 2.0 * reach(x).max(reach(y)) / size as f32)
 }
 
 fn polygon_area(vertices: &[Vec3]) -> f32 {

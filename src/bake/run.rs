@@ -6,8 +6,6 @@ use std::time::{Duration, Instant};
 
 use super::accumulate::Evaluation;
 use super::enclosed::enclosed;
-use super::occluders::Occluders;
-use super::place::Receivers;
 use super::progress::{Progress, Stage};
 use super::records::ShadowSizes;
 use super::report::{AtlasReport, Counts, DeviceReport, FluxReport, Memory, Report, host_peak};
@@ -147,9 +145,8 @@ pub fn bake(
     let mut illumination = stages.time(Stage::Upload, || -> Result<_, GpuError> {
         Illumination::new(
             gpu,
-            Occluders::new(gpu, scene)?,
-            Receivers::new(gpu, scene, &texels.list)?,
-            scene.bounds(),
+            scene,
+            &texels,
             ShadowSizes {
                 indirect: settings.shadow_size,
                 direct: settings.direct_shadow_size,
@@ -317,7 +314,7 @@ fn accumulate(
         if early {
             // The device gets the direct lights while the host makes the others.
             for light in next.iter().flat_map(|s| &s.lights) {
-                illumination.push(light.clone(), Sign::Add)?;
+                illumination.push(light.clone(), Sign::Add, 0)?;
             }
         }
         let direct_cells = next.len();
@@ -350,7 +347,7 @@ fn accumulate(
         }
         let total = update.len() as u64;
         for (done, (light, sign)) in update.into_iter().enumerate() {
-            illumination.push(light.clone(), sign)?;
+            illumination.push(light.clone(), sign, 0)?;
             progress.at(Stage::Accumulate, done as u64, total);
         }
         illumination.flush()?;
@@ -370,7 +367,7 @@ fn verify(
     let before = illumination.sums()?;
     for sign in [Sign::Subtract, Sign::Add] {
         for light in held.values().flat_map(|s| &s.lights).step_by(2) {
-            illumination.push(light.clone(), sign)?;
+            illumination.push(light.clone(), sign, 0)?;
         }
     }
     let after = illumination.sums()?;

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::list::Heads;
 use super::occluders::Occluders;
+use super::pool::grow;
 use super::records::View;
 use super::shaders;
 use super::shared::{BATCH, VIEW_HEMICUBE};
@@ -19,16 +20,20 @@ const MAX_VIEWS: u64 = 2 * BATCH as u64;
 /// The shadow passes and their buffers.
 pub(super) struct ShadowPass {
     cull: Pipeline,
-    whole: Drawing,
-    /// For triangles with cutouts, if there are any.
-    masked: Option<Drawing>,
+    /// For whole triangles, and for those with cutouts.
+    drawings: [Drawing; 2],
     heads: Heads,
     views: Buffer,
     depth: Buffer,
 }
 
-/// The passes and lists for one kind of triangle.
+/// The passes and lists for one kind of triangle; made when the first one comes.
 struct Drawing {
+    masked: bool,
+    made: Option<Made>,
+}
+
+struct Made {
     small: Pipeline,
     large: Pipeline,
     list: Buffer,
@@ -39,13 +44,11 @@ struct Drawing {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct CullPush {
     chunks: Address,
+    instances: Address,
     views: Address,
     list: Address,
-    masked_list: Address,
     head: Address,
-    masked_head: Address,
     chunk_count: u32,
-    first_masked: u32,
 }
 
 #[repr(C)]
@@ -62,7 +65,6 @@ struct SmallPush {
     cutouts: Address,
     bits: Address,
     large_capacity: u32,
-    first_masked: u32,
 }
 
 #[repr(C)]
@@ -76,7 +78,6 @@ struct LargePush {
     cutouts: Address,
     bits: Address,
     large_capacity: u32,
-    first_masked: u32,
 }
 
 /// Lists, of whole triangles and of masked ones.
@@ -84,34 +85,39 @@ const CHUNKS: [u32; 2] = [0, 1];
 const LARGE: [u32; 2] = [2, 3];
 
 impl Drawing {
-    fn new(gpu: &Gpu, masked: bool, chunks: u32) -> Result<Self> {
-        // A SIMD register of lavapipe; elsewhere what runs together.
-        let lanes = if gpu.info().kind == "CPU" { 8 } else { 32 };
-        let large_bytes = u64::from(LARGE_CAPACITY) * 8;
-        Ok(Self {
-            small: gpu.pipeline(shaders::SHADOW_SMALL, &[SMALL_PIXELS, masked.into()])?,
-            large: gpu.pipeline(shaders::SHADOW_LARGE, &[masked.into(), lanes])?,
-            list: gpu.buffer(
-                "shadow chunks",
-                u64::from(chunks) * 5 * MAX_VIEWS * 8,
-                Memory::Device,
-            )?,
-            large_list: gpu.buffer("shadow large triangles", large_bytes, Memory::Device)?,
-        })
+    /// Ready to draw from among `chunks`.
+    fn ready(&mut self, gpu: &Gpu, cmd: &mut Commands, chunks: u32) -> Result<&Made> {
+        let entries = u64::from(chunks) * 5 * MAX_VIEWS * 8;
+        let mut made = match self.made.take() {
+            Some(made) => made,
+            None => {
+                // A SIMD register of lavapipe; elsewhere what runs together.
+                let lanes = if gpu.info().kind == "CPU" { 8 } else { 32 };
+                let large_bytes = u64::from(LARGE_CAPACITY) * 8;
+                let masked = self.masked.into();
+                Made {
+                    small: gpu.pipeline(shaders::SHADOW_SMALL, &[SMALL_PIXELS, masked])?,
+                    large: gpu.pipeline(shaders::SHADOW_LARGE, &[masked, lanes])?,
+                    list: gpu.buffer("shadow chunks", entries, Memory::Device)?,
+                    large_list: gpu.buffer(
+                        "shadow large triangles",
+                        large_bytes,
+                        Memory::Device,
+                    )?,
+                }
+            }
+        };
+        grow(gpu, cmd, &mut made.list, entries)?;
+        Ok(self.made.insert(made))
     }
 }
 
 impl ShadowPass {
     /// `depth_elements`: pixels that the depth maps of one batch may take together.
-    pub(super) fn new(gpu: &Gpu, occluders: &Occluders, depth_elements: u64) -> Result<Self> {
-        let whole = occluders.first_masked_chunk;
-        let masked = occluders.chunk_count - whole;
+    pub(super) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
         Ok(Self {
             cull: gpu.pipeline(shaders::SHADOW_CULL, &[])?,
-            whole: Drawing::new(gpu, false, whole)?,
-            masked: (masked > 0)
-                .then(|| Drawing::new(gpu, true, masked))
-                .transpose()?,
+            drawings: [false, true].map(|masked| Drawing { masked, made: None }),
             heads: Heads::new(gpu, "shadow lists", 4)?,
             views: gpu.buffer(
                 "shadow views",
@@ -140,11 +146,14 @@ impl ShadowPass {
         self.depth.address()
     }
 
-    /// Draws `views`; the maps can be read by compute shaders after the next barrier.
+    /// Draws `views`; the maps can be read by compute shaders after the next barrier. `instances`: the table that says
+    /// which chunks stand in a view's version.
     pub(super) fn record(
-        &self,
+        &mut self,
+        gpu: &Gpu,
         cmd: &mut Commands,
         occluders: &Occluders,
+        instances: Address,
         views: &[View],
     ) -> Result<()> {
         let elements: u64 = views
@@ -156,62 +165,63 @@ impl ShadowPass {
         cmd.upload(&self.views, 0, views)?;
         cmd.fill(&self.depth, 0, elements * 4, 0);
         self.heads.clear(cmd);
+        let (views_at, depth) = (self.views.address(), self.depth.address());
+        let mut drawings = Vec::new();
+        for ((kind, drawing), chunks) in (0..)
+            .zip(&mut self.drawings)
+            .zip([&occluders.whole, &occluders.masked])
+        {
+            if chunks.count() > 0 {
+                drawings.push((kind, drawing.ready(gpu, cmd, chunks.count())?, chunks));
+            }
+        }
         cmd.barrier(Stage::Transfer, Stage::Compute);
-        let drawings = || std::iter::once(&self.whole).chain(&self.masked).zip(0..);
         cmd.scope("shadow cull", |cmd| {
-            let masked = self.masked.as_ref().unwrap_or(&self.whole);
-            let push = CullPush {
-                chunks: occluders.chunks.address(),
-                views: self.views.address(),
-                list: self.whole.list.address(),
-                masked_list: masked.list.address(),
-                head: self.heads.address(CHUNKS[0]),
-                masked_head: self.heads.address(CHUNKS[1]),
-                chunk_count: occluders.chunk_count,
-                first_masked: occluders.first_masked_chunk,
-            };
-            cmd.dispatch(
-                &self.cull,
-                &push,
-                [occluders.chunk_count, views.len() as u32, 1],
-            );
+            for (kind, made, chunks) in &drawings {
+                let push = CullPush {
+                    chunks: chunks.chunks.address(),
+                    instances,
+                    views: views_at,
+                    list: made.list.address(),
+                    head: self.heads.address(CHUNKS[*kind]),
+                    chunk_count: chunks.count(),
+                };
+                cmd.dispatch(&self.cull, &push, [chunks.count(), views.len() as u32, 1]);
+            }
             self.heads.finish(cmd);
         });
         cmd.scope("shadow small", |cmd| {
-            for (drawing, kind) in drawings() {
+            for (kind, made, chunks) in &drawings {
                 let push = SmallPush {
-                    triangles: occluders.triangles.address(),
-                    chunks: occluders.chunks.address(),
-                    views: self.views.address(),
-                    list: drawing.list.address(),
-                    head: self.heads.address(CHUNKS[kind]),
-                    large: drawing.large_list.address(),
-                    large_head: self.heads.address(LARGE[kind]),
-                    depth: self.depth.address(),
-                    cutouts: occluders.cutouts.address(),
+                    triangles: chunks.triangles.address(),
+                    chunks: chunks.chunks.address(),
+                    views: views_at,
+                    list: made.list.address(),
+                    head: self.heads.address(CHUNKS[*kind]),
+                    large: made.large_list.address(),
+                    large_head: self.heads.address(LARGE[*kind]),
+                    depth,
+                    cutouts: chunks.cutouts.address(),
                     bits: occluders.bits.address(),
                     large_capacity: LARGE_CAPACITY,
-                    first_masked: occluders.first_masked_triangle,
                 };
-                self.heads
-                    .dispatch(cmd, &drawing.small, &push, CHUNKS[kind]);
+                self.heads.dispatch(cmd, &made.small, &push, CHUNKS[*kind]);
             }
             self.heads.finish(cmd);
         });
         cmd.scope("shadow large", |cmd| {
-            for (drawing, kind) in drawings() {
+            for (kind, made, chunks) in &drawings {
                 let push = LargePush {
-                    triangles: occluders.triangles.address(),
-                    views: self.views.address(),
-                    large: drawing.large_list.address(),
-                    large_head: self.heads.address(LARGE[kind]),
-                    depth: self.depth.address(),
-                    cutouts: occluders.cutouts.address(),
+                    triangles: chunks.triangles.address(),
+                    views: views_at,
+                    large: made.large_list.address(),
+                    large_head: self.heads.address(LARGE[*kind]),
+                    depth,
+                    cutouts: chunks.cutouts.address(),
                     bits: occluders.bits.address(),
                     large_capacity: LARGE_CAPACITY,
-                    first_masked: occluders.first_masked_triangle,
                 };
-                self.heads.dispatch(cmd, &drawing.large, &push, LARGE[kind]);
+                self.heads.dispatch(cmd, &made.large, &push, LARGE[*kind]);
             }
         });
         Ok(())

@@ -8,13 +8,16 @@ use super::occluders::Occluders;
 use super::records::View;
 use super::shadow::ShadowPass;
 use super::shared::{BATCH, VIEW_HEMICUBE};
+use super::versions::Versions;
 use crate::gpu::{Gpu, Result, Stage};
-use crate::scene::Scene;
+use crate::scene::{Bounds, Scene};
 
 /// A scene on the device, ready for its depth maps to be measured.
 pub struct ShadowBench {
     gpu: Gpu,
     occluders: Occluders,
+    objects: u32,
+    bounds: Bounds,
     /// Points on surfaces and the sides they face.
     points: Vec<(Vec3, Vec3)>,
 }
@@ -59,13 +62,15 @@ impl ShadowBench {
         Ok(Self {
             gpu: gpu.clone(),
             occluders: Occluders::new(gpu, scene)?,
+            objects: scene.objects.len() as u32,
+            bounds: scene.bounds(),
             points,
         })
     }
 
     /// Triangles that cast shadows.
     pub fn triangles(&self) -> u64 {
-        self.occluders.triangle_count
+        self.occluders.triangles()
     }
 
     /// Draws `count` hemicubes of `size` pixels in full batches, after one batch that is not measured.
@@ -76,7 +81,8 @@ impl ShadowBench {
         let pixels = 3 * u64::from(size) * u64::from(size);
         let batch = (64 << 20) / pixels;
         let batch = batch.clamp(1, u64::from(BATCH)) as usize;
-        let pass = ShadowPass::new(&self.gpu, &self.occluders, pixels * batch as u64)?;
+        let mut pass = ShadowPass::new(&self.gpu, pixels * batch as u64)?;
+        let versions = Versions::new(&self.gpu, self.objects, self.bounds)?;
         let views: Vec<View> = self
             .points
             .iter()
@@ -93,13 +99,22 @@ impl ShadowBench {
                     size,
                     kind: VIEW_HEMICUBE,
                     cos_cone: 0.0,
+                    version: 0,
+                    limit_axis: [0.0, 0.0, 1.0],
+                    limit_angle: f32::INFINITY,
                 }
             })
             .collect();
-        let draw = |views: &[View]| -> Result<()> {
+        let mut draw = |views: &[View]| -> Result<()> {
             let mut cmd = self.gpu.commands()?;
             cmd.barrier(Stage::All, Stage::All);
-            pass.record(&mut cmd, &self.occluders, views)?;
+            pass.record(
+                &self.gpu,
+                &mut cmd,
+                &self.occluders,
+                versions.address(),
+                views,
+            )?;
             cmd.submit()?.wait()
         };
         draw(&views[..views.len().min(batch)])?;

@@ -2,6 +2,7 @@
 
 /// Name and value of each, for the build script.
 pub const MACROS: &[(&str, u32)] = &[
+    ("NONE", NONE),
     ("TILE", TILE),
     ("CHUNK", CHUNK),
     ("BATCH", BATCH),
@@ -31,6 +32,8 @@ pub const MACROS: &[(&str, u32)] = &[
     ("CLAIM_VERTEX", CLAIM_VERTEX),
 ];
 
+/// No index.
+pub const NONE: u32 = u32::MAX;
 /// Texels per tile: one workgroup of the accumulation.
 pub const TILE: u32 = 64;
 /// Triangles per chunk: one workgroup of the shadow pass.

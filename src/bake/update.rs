@@ -1,17 +1,20 @@
-//! Changes the lightmap on the device: adds and subtracts virtual lights, in batches whose size follows measured time.
+//! Changes the lightmap on the device: adds and subtracts virtual lights, each in the version of the scene that it is held
+//! under, in batches whose size follows measured time.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use super::accumulate::{AccumulatePass, Evaluation};
+use super::accumulate::{AccumulatePass, Batch, Evaluation};
 use super::occluders::Occluders;
 use super::place::Receivers;
-use super::records::{self, ShadowSizes};
+use super::records::{self, Region, ShadowSizes, Surroundings};
 use super::shadow::ShadowPass;
 use super::shared::BATCH;
+use super::versions::{Version, Versions};
 use crate::cluster::{Shape, VirtualLight};
-use crate::gpu::{Gpu, Result, Ticket};
-use crate::scene::Bounds;
+use crate::gpu::{Gpu, Result, Stage, Ticket};
+use crate::lightmap::texels::Texels;
+use crate::scene::{Bounds, Scene};
 
 /// Depth pixels of one batch: 256 MiB.
 const DEPTH_ELEMENTS: u64 = 64 << 20;
@@ -31,16 +34,26 @@ pub enum Sign {
     Subtract,
 }
 
+/// A light on its way to the device.
+#[derive(Clone, Debug)]
+struct Pending {
+    light: VirtualLight,
+    sign: Sign,
+    version: Version,
+    /// The version that the update compares with.
+    other: Version,
+}
+
 /// The device side of a bake: occluders, receivers, passes, and the sums they work on.
 pub struct Illumination {
     gpu: Gpu,
+    versions: Versions,
     occluders: Occluders,
     receivers: Receivers,
     shadow: ShadowPass,
     accumulate: AccumulatePass,
     sizes: ShadowSizes,
-    bounds: Bounds,
-    pending: Vec<(VirtualLight, Sign)>,
+    pending: Vec<Pending>,
     in_flight: VecDeque<(Ticket, Instant, usize)>,
     /// Lights per submission, so that it stays below [`SUBMISSION`].
     batch: usize,
@@ -50,9 +63,8 @@ pub struct Illumination {
 impl Illumination {
     pub(super) fn new(
         gpu: &Gpu,
-        occluders: Occluders,
-        receivers: Receivers,
-        bounds: Bounds,
+        scene: &Scene,
+        texels: &Texels,
         sizes: ShadowSizes,
         evaluation: Evaluation,
     ) -> Result<Self> {
@@ -63,14 +75,15 @@ impl Illumination {
         let elements = (3 * square(sizes.indirect) * u64::from(BATCH))
             .min(DEPTH_ELEMENTS)
             .max(largest);
+        let receivers = Receivers::new(gpu, scene, &texels.list, &texels.tiles)?;
         Ok(Self {
-            shadow: ShadowPass::new(gpu, &occluders, elements)?,
+            versions: Versions::new(gpu, scene.objects.len() as u32, scene.bounds())?,
+            occluders: Occluders::new(gpu, scene)?,
+            shadow: ShadowPass::new(gpu, elements)?,
             accumulate: AccumulatePass::new(gpu, &receivers, evaluation)?,
             gpu: gpu.clone(),
-            occluders,
             receivers,
             sizes,
-            bounds,
             pending: Vec::new(),
             in_flight: VecDeque::new(),
             // Nobody kills what runs on a CPU, and larger batches are faster there too.
@@ -83,18 +96,120 @@ impl Illumination {
         })
     }
 
-    /// Takes a light in; it is sent with its batch, at the latest by [`Illumination::flush`].
-    pub fn push(&mut self, light: VirtualLight, sign: Sign) -> Result<()> {
-        let fits = self.pending.first().is_none_or(|(first, _)| {
-            first.direct == light.direct
+    /// The version that lights are added under.
+    pub fn version(&self) -> Version {
+        self.versions.current()
+    }
+
+    /// Begins a version in which `objects` are where `scene` has them; `boxes` bound what they occupied before and what
+    /// they occupy now. `texels`: of all objects, new ones at the end.
+    pub fn change(
+        &mut self,
+        scene: &Scene,
+        texels: &Texels,
+        objects: &[u32],
+        boxes: Vec<Bounds>,
+    ) -> Result<Version> {
+        self.send()?;
+        let version = self.versions.begin(scene.bounds(), boxes);
+        let mut cmd = self.gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        let known = (self.receivers.texel_tiles() * super::shared::TILE) as usize;
+        if texels.list.len() > known {
+            self.receivers
+                .append(&self.gpu, &mut cmd, &texels.list[known..])?;
+            self.accumulate
+                .extend(&self.gpu, &mut cmd, &self.receivers)?;
+        }
+        let (mut standing, mut instances) = (Vec::new(), Vec::new());
+        for &object in objects {
+            self.versions.end_instance(object);
+            if scene.mesh(object).triangles.is_empty() {
+                continue;
+            }
+            let instance = self.versions.begin_instance(object);
+            self.receivers.add(
+                &self.gpu,
+                &mut cmd,
+                instance,
+                &scene.objects[object as usize].transform,
+                texels.tiles[object as usize].clone(),
+            )?;
+            standing.push(object);
+            instances.push(instance);
+        }
+        self.occluders
+            .add(&self.gpu, &mut cmd, scene, &standing, &instances)?;
+        self.versions.upload(&self.gpu, &mut cmd)?;
+        self.in_flight.push_back((cmd.submit()?, Instant::now(), 0));
+        Ok(version)
+    }
+
+    /// No light is held under a version before `oldest` any more: what stood only there makes room.
+    pub fn forget(&mut self, oldest: Version) -> Result<()> {
+        self.send()?;
+        let gone = self.versions.forget(oldest);
+        if gone.is_empty() {
+            return Ok(());
+        }
+        self.occluders.remove(&gone);
+        self.receivers.remove(&gone);
+        let mut cmd = self.gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        self.versions.upload(&self.gpu, &mut cmd)?;
+        self.in_flight.push_back((cmd.submit()?, Instant::now(), 0));
+        Ok(())
+    }
+
+    /// Takes a light in, as it shines in a version of the scene; it is sent with its batch, at the latest by
+    /// [`Illumination::flush`].
+    pub fn push(&mut self, light: VirtualLight, sign: Sign, version: Version) -> Result<()> {
+        self.enter(Pending {
+            light,
+            sign,
+            version,
+            other: version,
+        })
+    }
+
+    /// Brings a light that was added under one version to another: takes it away where the change between the two can
+    /// make a difference, and adds it there again. The sums become what they would be had the light been added under `to`,
+    /// bit for bit. Returns how many evaluations that took.
+    pub fn push_difference(
+        &mut self,
+        light: &VirtualLight,
+        from: Version,
+        to: Version,
+    ) -> Result<u64> {
+        if from == to || self.versions.between(from, to).is_empty() {
+            return Ok(0);
+        }
+        // A parallel light's depth map spans the whole scene: with other bounds every pixel is another.
+        let parallel = matches!(light.shape, Shape::Directional { .. });
+        let whole = parallel && self.versions.bounds(from) != self.versions.bounds(to);
+        for (sign, version, other) in [(Sign::Subtract, from, to), (Sign::Add, to, from)] {
+            self.enter(Pending {
+                light: light.clone(),
+                sign,
+                version,
+                other: if whole { version } else { other },
+            })?;
+        }
+        Ok(2)
+    }
+
+    fn enter(&mut self, new: Pending) -> Result<()> {
+        let fits = self.pending.first().is_none_or(|first| {
+            first.light.direct == new.light.direct
                 && self.pending.len() < self.batch
-                && self.elements(self.pending.iter().map(|p| &p.0)) + self.elements([&light])
+                && self.elements(self.pending.iter().map(|p| &p.light))
+                    + self.elements([&new.light])
                     <= self.shadow.elements()
         });
         if !fits {
             self.send()?;
         }
-        self.pending.push((light, sign));
+        self.pending.push(new);
         Ok(())
     }
 
@@ -110,11 +225,6 @@ impl Illumination {
     /// Virtual lights sent so far, subtractions included.
     pub fn lights_sent(&self) -> u64 {
         self.lights
-    }
-
-    /// What casts shadows.
-    pub fn occluders(&self) -> &Occluders {
-        &self.occluders
     }
 
     /// Waits, then reads the irradiance of every texel slot, in lux.
@@ -156,7 +266,8 @@ impl Illumination {
             .sum()
     }
 
-    fn send(&mut self) -> Result<()> {
+    /// Sends what is pending, without waiting for it.
+    pub fn send(&mut self) -> Result<()> {
         if self.pending.is_empty() {
             return Ok(());
         }
@@ -165,32 +276,57 @@ impl Illumination {
         }
         let mut views = Vec::new();
         let mut offset = 0;
-        let lights: Vec<_> = self
-            .pending
-            .iter()
-            .map(|(light, sign)| {
-                let sign = if *sign == Sign::Add { 1 } else { -1 };
-                records::record(
-                    light,
-                    sign,
-                    &self.sizes,
-                    &self.bounds,
-                    &mut views,
-                    &mut offset,
-                )
-            })
-            .collect();
-        let soft = self.pending[0].0.direct;
+        let mut regions: Vec<Region> = Vec::new();
+        let soft = self.pending[0].light.direct;
+        let mut lights = Vec::new();
+        let mut between = (0, 0, 0..0);
+        for pending in &self.pending {
+            let (a, b) = (
+                pending.version.min(pending.other),
+                pending.version.max(pending.other),
+            );
+            if (a, b) != (between.0, between.1) {
+                let first = regions.len();
+                if a != b {
+                    regions.extend(self.versions.between(a, b));
+                }
+                between = (a, b, first..regions.len());
+            }
+            let around = Surroundings {
+                version: pending.version,
+                other: pending.other,
+                regions: &regions[between.2.clone()],
+                first_region: between.2.start as u32,
+                bounds: self.versions.bounds(pending.version),
+                soft,
+            };
+            let sign = if pending.sign == Sign::Add { 1 } else { -1 };
+            lights.push(records::record(
+                &pending.light,
+                sign,
+                &self.sizes,
+                &around,
+                &mut views,
+                &mut offset,
+            ));
+        }
         let mut cmd = self.gpu.commands()?;
-        cmd.barrier(crate::gpu::Stage::All, crate::gpu::Stage::All);
-        self.shadow.record(&mut cmd, &self.occluders, &views)?;
+        cmd.barrier(Stage::All, Stage::All);
+        let instances = self.versions.address();
+        self.shadow
+            .record(&self.gpu, &mut cmd, &self.occluders, instances, &views)?;
+        let batch = Batch {
+            lights: &lights,
+            regions: &regions,
+            soft,
+        };
         self.accumulate.record(
             &self.gpu,
             &mut cmd,
             &self.receivers,
             &self.shadow,
-            &lights,
-            soft,
+            instances,
+            &batch,
         )?;
         self.in_flight
             .push_back((cmd.submit()?, Instant::now(), lights.len()));

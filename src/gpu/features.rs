@@ -56,6 +56,7 @@ macro_rules! required {
 required! {
     core.shader_int64,
     vulkan12.buffer_device_address,
+    vulkan12.shader_buffer_int64_atomics,
     vulkan12.scalar_block_layout,
     vulkan12.timeline_semaphore,
     vulkan12.host_query_reset,

@@ -1,0 +1,165 @@
+//! Versions of the scene: which instances of its objects exist when, and what changed between two of them.
+//!
+//! A light must be subtracted in the very scene that it was added to (IBGI section 4.4). So the device holds several
+//! versions of the scene at once: an *instance* is an object in one place, with an interval of versions in which it
+//! stands there; chunks of triangles and tiles of receivers name their instance, views and lights their version. An
+//! edit adds instances for what it moves and shares all others.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+
+use super::records::{Instance, Region};
+use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Result};
+use crate::scene::Bounds;
+
+/// Counts edits; 0 is the scene as loaded.
+pub type Version = u32;
+
+/// Boxes that a light's update is limited to; more are joined into one.
+const MAX_BOXES: usize = 8;
+
+/// The versions that lights are held under.
+pub(super) struct Versions {
+    current: Version,
+    /// Scene bounds of each version.
+    bounds: BTreeMap<Version, Bounds>,
+    /// What stood or stands where something changed when the version began.
+    changed: BTreeMap<Version, Vec<Bounds>>,
+    /// By instance.
+    table: Vec<Instance>,
+    /// The object of each live instance.
+    object: BTreeMap<u32, u32>,
+    /// The instance of each object in the current version, if it stands anywhere.
+    current_of: BTreeMap<u32, u32>,
+    buffer: Buffer,
+}
+
+impl Versions {
+    /// Version 0: instance `i` is object `i`.
+    pub(super) fn new(gpu: &Gpu, objects: u32, bounds: Bounds) -> Result<Self> {
+        let table = vec![
+            Instance {
+                since: 0,
+                until: Version::MAX,
+                crowded: 0,
+            };
+            objects as usize
+        ];
+        let buffer = gpu.buffer(
+            "instances",
+            u64::from(objects + 64) * size_of::<Instance>() as u64,
+            Memory::Device,
+        )?;
+        buffer.write(0, &table)?;
+        Ok(Self {
+            current: 0,
+            bounds: BTreeMap::from([(0, bounds)]),
+            changed: BTreeMap::new(),
+            table,
+            object: (0..objects).map(|i| (i, i)).collect(),
+            current_of: (0..objects).map(|i| (i, i)).collect(),
+            buffer,
+        })
+    }
+
+    pub(super) fn current(&self) -> Version {
+        self.current
+    }
+
+    pub(super) fn address(&self) -> Address {
+        self.buffer.address()
+    }
+
+    /// Bounds of the scene in a version.
+    pub(super) fn bounds(&self, version: Version) -> &Bounds {
+        &self.bounds[&version]
+    }
+
+    /// Begins a version. `boxes`: bounds of what changes, before and after.
+    pub(super) fn begin(&mut self, bounds: Bounds, boxes: Vec<Bounds>) -> Version {
+        self.current += 1;
+        self.bounds.insert(self.current, bounds);
+        self.changed.insert(self.current, boxes);
+        self.current
+    }
+
+    /// The object no longer stands where it stood.
+    pub(super) fn end_instance(&mut self, object: u32) {
+        if let Some(instance) = self.current_of.remove(&object) {
+            self.table[instance as usize].until = self.current;
+        }
+    }
+
+    /// The object stands somewhere from the current version on.
+    pub(super) fn begin_instance(&mut self, object: u32) -> u32 {
+        // Never the number of an earlier one: slots that nobody has taken over yet still name that.
+        let instance = self.table.len() as u32;
+        self.table.push(Instance {
+            since: self.current,
+            until: Version::MAX,
+            crowded: 0,
+        });
+        self.object.insert(instance, object);
+        self.current_of.insert(object, instance);
+        instance
+    }
+
+    /// Versions before `oldest` are no longer referred to: returns the instances that stand in no other.
+    pub(super) fn forget(&mut self, oldest: Version) -> Vec<u32> {
+        let gone: Vec<u32> = self
+            .object
+            .keys()
+            .copied()
+            .filter(|&i| self.table[i as usize].until <= oldest)
+            .collect();
+        for &instance in &gone {
+            self.object.remove(&instance);
+            self.table[instance as usize] = Instance::default();
+        }
+        self.bounds.retain(|&version, _| version >= oldest);
+        self.changed.retain(|&version, _| version > oldest);
+        gone
+    }
+
+    /// Sends the table to the device.
+    pub(super) fn upload(&mut self, gpu: &Gpu, cmd: &mut Commands) -> Result<()> {
+        let mut count = BTreeMap::<u32, u32>::new();
+        for object in self.object.values() {
+            *count.entry(*object).or_default() += 1;
+        }
+        for (&instance, object) in &self.object {
+            self.table[instance as usize].crowded = u32::from(count[object] > 1);
+        }
+        let bytes = std::mem::size_of_val(&self.table[..]) as u64;
+        super::pool::grow(gpu, cmd, &mut self.buffer, bytes)?;
+        cmd.upload(&self.buffer, 0, &self.table)
+    }
+
+    /// Where anything differs between two versions: outside of the shadows of these boxes all light is the same.
+    pub(super) fn between(&self, a: Version, b: Version) -> Vec<Region> {
+        let (from, to) = (a.min(b) + 1, a.max(b));
+        let all = self.changed.range(from..=to).flat_map(|(_, boxes)| boxes);
+        let mut boxes: Vec<Bounds> = Vec::new();
+        for b in all {
+            if !boxes.contains(b) {
+                boxes.push(*b);
+            }
+        }
+        if boxes.len() > MAX_BOXES {
+            let whole = boxes
+                .iter()
+                .fold(boxes[0], |whole, b| whole.with(b.min).with(b.max));
+            boxes = vec![whole];
+        }
+        boxes
+            .iter()
+            .map(|b| Region {
+                center: b.center().to_array(),
+                // Rounding must not let a triangle out of its box.
+                extent: (b.size() * 0.5 + (b.min.abs() + b.max.abs()) * 1e-6 + Vec3::splat(1e-6))
+                    .to_array(),
+            })
+            .collect()
+    }
+}

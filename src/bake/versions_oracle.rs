@@ -1,0 +1,171 @@
+//! Scene versions' oracle: whatever way lights and objects went, the sums are those of the final scene lit from nothing.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, Quat, Vec3};
+
+use super::oracle::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels, soup};
+use super::update::{Illumination, Sign};
+use super::versions::Version;
+use crate::cluster::VirtualLight;
+use crate::gpu::Gpu;
+use crate::lightmap::Texel;
+use crate::lightmap::texels::Texels;
+use crate::scene::{Bounds, Mesh, Scene};
+
+/// Objects of loose triangles, each near a place of its own, the first one everywhere; and texels of each.
+fn objects(numbers: &mut Numbers, count: u32) -> (Scene, Texels) {
+    let mut scene = soup(&[]);
+    scene.meshes.clear();
+    let prototype = scene.objects.pop().expect("a soup");
+    let mut texels = Texels::default();
+    for _ in 0..count {
+        append(numbers, &mut scene, &prototype, &mut texels);
+    }
+    (scene, texels)
+}
+
+fn append(
+    numbers: &mut Numbers,
+    scene: &mut Scene,
+    prototype: &crate::scene::Object,
+    texels: &mut Texels,
+) {
+    let object = scene.objects.len() as u32;
+    let half = if object == 0 { 2.5 } else { 0.3 };
+    let triangles: Vec<[Vec3; 3]> = (0..100)
+        .map(|_| {
+            let center = numbers.vector() * half;
+            [0; 3].map(|_| center + numbers.vector() * half * 0.4)
+        })
+        .collect();
+    scene
+        .meshes
+        .push(soup(&triangles).meshes.pop().expect("one"));
+    scene.objects.push(crate::scene::Object {
+        mesh: scene.meshes.len() as u32 - 1,
+        transform: Affine3A::from_translation(numbers.vector() * 1.5),
+        ..prototype.clone()
+    });
+    let tiles = 3 + object;
+    let first = (texels.list.len() / Texel::TILE) as u32;
+    let list = random_texels(numbers, tiles as usize, half);
+    texels
+        .list
+        .extend(list.into_iter().map(|t| Texel { object, ..t }));
+    texels.tiles.push(first..first + tiles);
+}
+
+fn start(gpu: &Gpu, scene: &Scene, texels: &Texels) -> Illumination {
+    Illumination::new(gpu, scene, texels, SIZES, EVALUATION).expect("a device with memory")
+}
+
+fn bounds(scene: &Scene, object: u32) -> Option<Bounds> {
+    let count = scene.mesh(object).triangles.len() as u32;
+    (count > 0).then(|| {
+        (0..count)
+            .flat_map(|t| scene.world_triangle(object, t))
+            .fold(Bounds::EMPTY, Bounds::with)
+    })
+}
+
+#[test]
+fn every_way_to_a_scene_ends_at_the_same_sums() {
+    let gpu = gpu();
+    for seed in 1..4 {
+        let mut numbers = Numbers(seed);
+        let (mut scene, mut texels) = objects(&mut numbers, 4);
+        let empty = scene.meshes.len() as u32;
+        scene.meshes.push(Arc::new(Mesh::default()));
+        let mut map = start(&gpu, &scene, &texels);
+        let mut held: Vec<(VirtualLight, Version)> = (0..20)
+            .map(|i| {
+                let mut light = random_light(&mut numbers, i % 5);
+                light.direct = i % 5 > 1 || i % 2 == 0;
+                (light, 0)
+            })
+            .collect();
+        for (light, version) in &held {
+            map.push(light.clone(), Sign::Add, *version).expect("add");
+        }
+        let choose = |numbers: &mut Numbers, n: usize| (numbers.next() * n as f32) as usize;
+        for step in 0..12 {
+            // An edit: mostly moves, sometimes away, back, or something new.
+            let object = 1 + choose(&mut numbers, scene.objects.len() - 1) as u32;
+            let mut boxes: Vec<Bounds> = bounds(&scene, object).into_iter().collect();
+            let mut changed = vec![object];
+            match step % 4 {
+                3 => {
+                    let prototype = scene.objects[0].clone();
+                    append(&mut numbers, &mut scene, &prototype, &mut texels);
+                    changed = vec![scene.objects.len() as u32 - 1];
+                    boxes.clear();
+                }
+                2 => {
+                    let own = object + u32::from(object >= empty);
+                    let mesh = &mut scene.objects[object as usize].mesh;
+                    *mesh = if *mesh == empty { own } else { empty };
+                }
+                _ => {
+                    scene.objects[object as usize].transform =
+                        Affine3A::from_scale_rotation_translation(
+                            Vec3::new(1.0, 0.8, -1.1),
+                            Quat::from_rotation_y(numbers.next() * 6.0),
+                            numbers.vector() * 1.5,
+                        );
+                }
+            }
+            boxes.extend(bounds(&scene, changed[0]));
+            let version = map
+                .change(&scene, &texels, &changed, boxes)
+                .expect("a change");
+            for _ in 0..8 {
+                let at = choose(&mut numbers, held.len());
+                let (light, old) = held[at].clone();
+                match choose(&mut numbers, 3) {
+                    0 => {
+                        map.push_difference(&light, old, version).expect("update");
+                        held[at].1 = version;
+                    }
+                    1 => {
+                        map.push(light.clone(), Sign::Subtract, old)
+                            .expect("update");
+                        map.push(light, Sign::Add, version).expect("update");
+                        held[at].1 = version;
+                    }
+                    _ => {
+                        map.push(light, Sign::Subtract, old).expect("update");
+                        let new = random_light(&mut numbers, at % 5);
+                        map.push(new.clone(), Sign::Add, version).expect("update");
+                        held[at] = (new, version);
+                    }
+                }
+            }
+            let oldest = held.iter().map(|h| h.1).min().expect("lights");
+            map.forget(oldest).expect("room");
+        }
+        let last = map.version();
+        for (light, version) in &mut held {
+            map.push_difference(light, *version, last).expect("update");
+            *version = last;
+        }
+        map.forget(last).expect("room");
+        let sums = map.sums().expect("read-back");
+        assert!(sums.iter().any(|s| *s != 0));
+
+        // Texels of objects that are gone hold nothing: nothing shines on them.
+        let mut fresh = start(&gpu, &scene, &texels);
+        let gone: Vec<u32> = (0..scene.objects.len() as u32)
+            .filter(|&o| scene.mesh(o).triangles.is_empty())
+            .collect();
+        let version = fresh
+            .change(&scene, &texels, &gone, Vec::new())
+            .expect("a change");
+        for (light, _) in held {
+            fresh.push(light, Sign::Add, version).expect("add");
+        }
+        let expected = fresh.sums().expect("read-back");
+        let wrong = sums.iter().zip(&expected).filter(|(a, b)| a != b).count();
+        assert_eq!(wrong, 0, "of {} sums, seed {seed}", sums.len());
+    }
+}
