@@ -240,6 +240,19 @@ impl Document {
         }
     }
 
+    /// Adds a definition to those of `KHR_lights_punctual`; returns its index.
+    pub(super) fn push_light(&mut self, light: Value) -> usize {
+        self.use_extension("KHR_lights_punctual");
+        if !self.json["extensions"].is_object() {
+            self.json["extensions"] = Value::Object(Default::default());
+        }
+        push(
+            &mut self.json["extensions"]["KHR_lights_punctual"],
+            "lights",
+            light,
+        )
+    }
+
     /// Adds a node without a parent to the scene that is shown; returns its index.
     pub(super) fn push_root(&mut self, node: Value) -> usize {
         // Without any scene all nodes that are no children are shown: then there is no list to add it to.

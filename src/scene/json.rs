@@ -17,6 +17,18 @@ pub(super) fn extension<'a>(value: &'a Value, name: &str) -> Option<&'a Value> {
     value.get("extensions")?.get(name)
 }
 
+/// The punctual lights that nodes refer to.
+pub(super) fn punctual(json: &Value) -> &[Value] {
+    extension(json, "KHR_lights_punctual").map_or(&[], |lights| list(lights, "lights"))
+}
+
+/// Removes a key; the others keep their order.
+pub(super) fn remove(element: &mut Value, key: &str) {
+    if let Some(element) = element.as_object_mut() {
+        element.shift_remove(key);
+    }
+}
+
 /// An element's `name`, made fit for one line, or `kind N`.
 pub(super) fn name(value: &Value, kind: &str, index: usize) -> String {
     match value.get("name").and_then(Value::as_str) {

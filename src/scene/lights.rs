@@ -1,15 +1,16 @@
 //! Lights that the user adds to a scene: a sun, points, and the lights of another file. They enter the document too.
 
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+use std::path::Path;
 
 use glam::{Affine3A, Quat, Vec3};
 use serde_json::{Value, json};
 
 use super::{
     Aperture, Light, Scene,
-    document::{Document, ImageData},
-    error::{SceneError, invalid},
-    json::{extension, list, push},
+    copier::Copier,
+    document::Document,
+    error::SceneError,
+    json::{extension, list, punctual},
 };
 
 impl Scene {
@@ -98,7 +99,7 @@ impl Scene {
         let (_, rotation, translation) = transform.to_scale_rotation_translation();
         let node = json!({ "name": name, "translation": translation.to_array(), "rotation": rotation.to_array() });
         let node = push_light(document, light, node);
-        let transform = super::load::rigid(&Affine3A::from_rotation_translation(
+        let transform = super::nodes::rigid(&Affine3A::from_rotation_translation(
             rotation / rotation.length(),
             translation,
         ));
@@ -136,11 +137,7 @@ pub fn overlay_lights(
             },
         })?;
     let mut merged = document.clone();
-    let mut copier = Copier {
-        from: &source,
-        to: &mut merged,
-        copied: BTreeMap::new(),
-    };
+    let mut copier = Copier::new(&source, &mut merged, "the file of --lights".into());
     for light in &other.lights {
         let node = &list(&source.json, "nodes")[light.node as usize];
         if let Aperture::Surface { object } = light.aperture {
@@ -154,25 +151,13 @@ pub fn overlay_lights(
             .and_then(|e| e.get("light"))
             .and_then(Value::as_u64)
         {
-            let punctual = extension(&source.json, "KHR_lights_punctual")
-                .map_or(&[][..], |e| list(e, "lights"));
+            let light_of_node = punctual(&source.json)[i as usize].clone();
             let (_, rotation, translation) = light.transform.to_scale_rotation_translation();
             let node = json!({ "name": light.name, "translation": translation.to_array(), "rotation": rotation.to_array() });
-            push_light(copier.to, punctual[i as usize].clone(), node);
+            push_light(copier.to, light_of_node, node);
         }
     }
-    for name in [
-        "KHR_materials_emissive_strength",
-        "KHR_texture_transform",
-        "KHR_materials_unlit",
-    ] {
-        if list(&source.json, "extensionsUsed")
-            .iter()
-            .any(|used| used == name)
-        {
-            merged.use_extension(name);
-        }
-    }
+    copier.extensions();
     *scene = Scene::from_document(&merged)?;
     *document = merged;
     Ok(())
@@ -180,15 +165,7 @@ pub fn overlay_lights(
 
 /// Adds a `KHR_lights_punctual` light and the node that carries it; returns the node.
 pub(super) fn push_light(document: &mut Document, light: Value, mut node: Value) -> usize {
-    document.use_extension("KHR_lights_punctual");
-    if !document.json["extensions"].is_object() {
-        document.json["extensions"] = json!({});
-    }
-    let light = push(
-        &mut document.json["extensions"]["KHR_lights_punctual"],
-        "lights",
-        light,
-    );
+    let light = document.push_light(light);
     node["extensions"] = json!({ "KHR_lights_punctual": { "light": light } });
     document.push_root(node)
 }
@@ -207,171 +184,4 @@ fn shining(what: &str, unit: &str, strength: f32, color: Vec3) -> Result<Vec3, S
         what: what.into(),
         why,
     })
-}
-
-/// Copies parts of one document into another, each once, and renumbers what they refer to.
-struct Copier<'a> {
-    from: &'a Document,
-    to: &'a mut Document,
-    copied: BTreeMap<(&'static str, usize), usize>,
-}
-
-impl Copier<'_> {
-    fn mesh(&mut self, mesh: usize) -> Result<usize, SceneError> {
-        self.element("meshes", mesh, |copier, mesh| {
-            for primitive in mesh
-                .get_mut("primitives")
-                .and_then(Value::as_array_mut)
-                .into_iter()
-                .flatten()
-            {
-                for key in ["extensions", "targets"] {
-                    remove(primitive, key);
-                }
-                copier.link(primitive, "indices", Self::accessor)?;
-                copier.link(primitive, "material", Self::material)?;
-                for (_, attribute) in primitive
-                    .get_mut("attributes")
-                    .and_then(Value::as_object_mut)
-                    .into_iter()
-                    .flatten()
-                {
-                    let index = attribute.as_u64().unwrap_or(u64::MAX) as usize;
-                    *attribute = copier.accessor(index)?.into();
-                }
-            }
-            remove(mesh, "weights");
-            Ok(())
-        })
-    }
-
-    fn accessor(&mut self, accessor: usize) -> Result<usize, SceneError> {
-        self.element("accessors", accessor, |copier, accessor| {
-            copier.link(accessor, "bufferView", Self::view)?;
-            for part in ["indices", "values"] {
-                if let Some(part) = accessor
-                    .get_mut("sparse")
-                    .and_then(|sparse| sparse.get_mut(part))
-                {
-                    copier.link(part, "bufferView", Self::view)?;
-                }
-            }
-            Ok(())
-        })
-    }
-
-    fn view(&mut self, view: usize) -> Result<usize, SceneError> {
-        self.element("bufferViews", view, |copier, element| {
-            let ImageData::View {
-                buffer,
-                start,
-                length,
-            } = copier.from.view(view, &"--lights")?
-            else {
-                return Ok(());
-            };
-            let bytes = copier.from.buffers[buffer][start..start + length].to_vec();
-            push(
-                &mut copier.to.json,
-                "buffers",
-                json!({ "byteLength": length }),
-            );
-            copier.to.buffers.push(Arc::new(bytes));
-            remove(element, "byteOffset");
-            element["buffer"] = (copier.to.buffers.len() - 1).into();
-            Ok(())
-        })
-    }
-
-    fn material(&mut self, material: usize) -> Result<usize, SceneError> {
-        self.element("materials", material, |copier, material| {
-            // Only what this renderer reads: other extensions may hold texture references of their own.
-            if let Some(extensions) = material
-                .get_mut("extensions")
-                .and_then(Value::as_object_mut)
-            {
-                extensions.retain(|name, _| {
-                    ["KHR_materials_emissive_strength", "KHR_materials_unlit"]
-                        .contains(&name.as_str())
-                });
-            }
-            for key in ["emissiveTexture", "normalTexture", "occlusionTexture"] {
-                if let Some(info) = material.get_mut(key) {
-                    copier.link(info, "index", Self::texture)?;
-                }
-            }
-            for key in ["baseColorTexture", "metallicRoughnessTexture"] {
-                if let Some(info) = material
-                    .get_mut("pbrMetallicRoughness")
-                    .and_then(|pbr| pbr.get_mut(key))
-                {
-                    copier.link(info, "index", Self::texture)?;
-                }
-            }
-            Ok(())
-        })
-    }
-
-    fn texture(&mut self, texture: usize) -> Result<usize, SceneError> {
-        self.element("textures", texture, |copier, texture| {
-            remove(texture, "extensions");
-            copier.link(texture, "sampler", |copier, sampler| {
-                copier.element("samplers", sampler, |_, _| Ok(()))
-            })?;
-            copier.link(texture, "source", Self::image)
-        })
-    }
-
-    fn image(&mut self, image: usize) -> Result<usize, SceneError> {
-        self.element("images", image, |copier, element| {
-            let mut encoded = copier.from.images[image].clone();
-            encoded.data = ImageData::Bytes(Arc::new(copier.from.image_bytes(image).to_vec()));
-            for key in ["uri", "bufferView"] {
-                remove(element, key);
-            }
-            copier.to.images.push(encoded);
-            Ok(())
-        })
-    }
-
-    /// Replaces the index under `key` by that of its copy.
-    fn link(
-        &mut self,
-        element: &mut Value,
-        key: &str,
-        copy: impl FnOnce(&mut Self, usize) -> Result<usize, SceneError>,
-    ) -> Result<(), SceneError> {
-        if let Some(index) = element.get(key).and_then(Value::as_u64) {
-            element[key] = copy(self, index as usize)?.into();
-        }
-        Ok(())
-    }
-
-    /// Copies one element of a top-level array; `fix` renumbers inside the copy.
-    fn element(
-        &mut self,
-        kind: &'static str,
-        index: usize,
-        fix: impl FnOnce(&mut Self, &mut Value) -> Result<(), SceneError>,
-    ) -> Result<usize, SceneError> {
-        if let Some(copy) = self.copied.get(&(kind, index)) {
-            return Ok(*copy);
-        }
-        let Some(mut element) = list(&self.from.json, kind).get(index).cloned() else {
-            return Err(invalid(
-                "the file of --lights",
-                format_args!("there is no {index} in its {kind}"),
-            ));
-        };
-        fix(self, &mut element)?;
-        let copy = push(&mut self.to.json, kind, element);
-        self.copied.insert((kind, index), copy);
-        Ok(copy)
-    }
-}
-
-fn remove(element: &mut Value, key: &str) {
-    if let Some(element) = element.as_object_mut() {
-        element.shift_remove(key);
-    }
 }

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::{
     AlphaMode, Material, Texture, TextureRef, Wrap,
+    assets::{Assets, LoadedImage},
     document::{Document, image_place},
     error::{SceneError, invalid},
     json::{extension, index, integer, list, name, number, numbers},
@@ -19,7 +20,8 @@ const SIDE_LIMIT: u32 = 16_384;
 /// Texels of all images together: 4 GiB decoded.
 const TEXEL_LIMIT: u64 = 1 << 30;
 
-/// glTF's materials after the default one, and the images that their base colours and emissions use.
+/// glTF's materials after the default one, and the images that their base colours and emissions use, in the order of their
+/// first use. Those that `assets` holds are not decoded again.
 ///
 /// The albedo of a metal is its base colour too: transport is diffuse only, and a black metal would swallow its light.
 ///
@@ -27,20 +29,16 @@ const TEXEL_LIMIT: u64 = 1 << 30;
 /// References to what is not there, numbers that are none, images that cannot be decoded or are too large.
 pub(super) fn load_materials(
     document: &Document,
-) -> Result<(Vec<Material>, Vec<Arc<Texture>>), SceneError> {
-    let mut used = Images {
-        document,
-        indices: BTreeMap::new(),
-        order: Vec::new(),
-    };
-    let mut materials = vec![Material::default()];
-    for (i, element) in list(&document.json, "materials").iter().enumerate() {
-        materials.push(load_material(element, i, &mut used)?);
-    }
+    assets: &Assets,
+) -> Result<(Vec<Material>, Vec<(usize, LoadedImage)>), SceneError> {
+    let (materials, used) = read_materials(document, assets.quiet)?;
     let mut total = 0;
-    for &image in &used.order {
+    for &image in &used {
         let place = image_place(&document.json, image);
-        let (width, height) = dimensions(document.image_bytes(image), &place)?;
+        let (width, height) = match assets.images.get(&image) {
+            Some(known) => (known.texture.width, known.texture.height),
+            None => dimensions(document.image_bytes(image), &place)?,
+        };
         total += u64::from(width) * u64::from(height);
         if width > SIDE_LIMIT || height > SIDE_LIMIT || total > TEXEL_LIMIT {
             let why = format!(
@@ -49,12 +47,43 @@ pub(super) fn load_materials(
             return Err(SceneError::TooLarge { place, why });
         }
     }
-    let textures: Vec<_> = used
-        .order
+    let images: Vec<Result<_, SceneError>> = used
         .par_iter()
-        .map(|i| decode(document.image_bytes(*i), &image_place(&document.json, *i)))
+        .map(|&image| match assets.images.get(&image) {
+            Some(known) => Ok((image, known.clone())),
+            None => {
+                let place = image_place(&document.json, image);
+                let texture = decode(document.image_bytes(image), &place)?;
+                Ok((image, LoadedImage::new(texture)))
+            }
+        })
         .collect();
-    Ok((materials, textures.into_iter().collect::<Result<_, _>>()?))
+    Ok((materials, images.into_iter().collect::<Result<_, _>>()?))
+}
+
+/// The images that [`load_materials`] gives, in its order.
+///
+/// # Errors
+/// References to what is not there, numbers that are none.
+pub(super) fn images_in_use(document: &Document) -> Result<Vec<usize>, SceneError> {
+    read_materials(document, true).map(|(_, images)| images)
+}
+
+fn read_materials(
+    document: &Document,
+    quiet: bool,
+) -> Result<(Vec<Material>, Vec<usize>), SceneError> {
+    let mut used = Images {
+        document,
+        indices: BTreeMap::new(),
+        order: Vec::new(),
+        quiet,
+    };
+    let mut materials = vec![Material::default()];
+    for (i, element) in list(&document.json, "materials").iter().enumerate() {
+        materials.push(load_material(element, i, &mut used)?);
+    }
+    Ok((materials, used.order))
 }
 
 impl Default for Material {
@@ -92,7 +121,7 @@ fn load_material(element: &Value, i: usize, images: &mut Images) -> Result<Mater
     if !emission.is_finite() {
         return Err(invalid(place, "its emission is not finite"));
     }
-    if extension(element, "KHR_materials_transmission").is_some() {
+    if extension(element, "KHR_materials_transmission").is_some() && !images.quiet {
         tracing::warn!(
             "{place}: KHR_materials_transmission is not followed, light does not pass it"
         );
@@ -129,6 +158,7 @@ struct Images<'a> {
     document: &'a Document,
     indices: BTreeMap<usize, u32>,
     order: Vec<usize>,
+    quiet: bool,
 }
 
 impl Images<'_> {
@@ -150,7 +180,9 @@ impl Images<'_> {
             &format_args!("texture {i}"),
         )?
         else {
-            tracing::warn!("{place}: texture {i} has no PNG or JPEG image, white is used");
+            if !self.quiet {
+                tracing::warn!("{place}: texture {i} has no PNG or JPEG image, white is used");
+            }
             return Ok(None);
         };
         let samplers = list(json, "samplers");

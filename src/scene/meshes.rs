@@ -1,5 +1,7 @@
 //! glTF meshes to triangles: attributes checked and read, strips and fans unrolled.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde_json::Value;
@@ -7,12 +9,14 @@ use serde_json::Value;
 use super::{
     Mesh, Primitive,
     accessor::{Accessor, COUNT_LIMIT},
+    assets::{Assets, LoadedMesh},
     document::Document,
     error::{SceneError, invalid},
     json::{index, integer, list, name},
 };
 
-/// Reads the meshes with the given glTF indices, in that order. `materials` is the number of glTF materials.
+/// Reads the meshes with the given glTF indices, in that order. `materials` is the number of glTF materials. Those that
+/// `assets` holds are not read again.
 ///
 /// # Errors
 /// Anything in an accessor that does not fit, with mesh, primitive and accessor named.
@@ -20,7 +24,8 @@ pub(super) fn load_meshes(
     document: &Document,
     used: &[usize],
     materials: usize,
-) -> Result<Vec<Mesh>, SceneError> {
+    assets: &Assets,
+) -> Result<Vec<(usize, LoadedMesh)>, SceneError> {
     // Primitives may share accessors, so a small file can ask for any number of vertices: count before reading.
     let mut total = 0usize;
     for &source in used {
@@ -52,9 +57,15 @@ pub(super) fn load_meshes(
         });
     }
     // Collected in order, so that the first error is the same one whatever the threads do.
-    let meshes: Vec<Result<Mesh, SceneError>> = used
+    let meshes: Vec<Result<_, SceneError>> = used
         .par_iter()
-        .map(|source| load_mesh(document, *source, materials))
+        .map(|&source| match assets.meshes.get(&source) {
+            Some(known) => Ok((source, known.clone())),
+            None => {
+                let mesh = load_mesh(document, source, materials)?;
+                Ok((source, LoadedMesh::new(Arc::new(mesh))))
+            }
+        })
         .collect();
     meshes.into_iter().collect()
 }

@@ -1,14 +1,19 @@
 //! The scene: what is lit and what lights it, in glTF's units (metres, candela, lux, cd/m², Y up).
 
 mod accessor;
+mod assets;
 pub mod builtin;
+mod copier;
 mod document;
+pub mod edit;
+
 mod error;
 mod json;
 mod lights;
 mod load;
 mod materials;
 mod meshes;
+mod nodes;
 mod pack;
 mod sample;
 mod uri;
@@ -24,7 +29,7 @@ pub use sample::Bounds;
 use glam::{Affine2, Affine3A, Vec2, Vec3, Vec4};
 
 /// Everything a bake reads. Objects, meshes, materials and lights refer to each other by index.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// Triangle meshes in object space, shared by the objects that instance them.
     pub meshes: Vec<Arc<Mesh>>,
@@ -32,7 +37,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Decoded images.
     pub textures: Vec<Arc<Texture>>,
-    /// One object per node that has a mesh, in the nodes' order.
+    /// One object per node that has a mesh, in the nodes' order. While a scene is edited, also one for every node whose
+    /// mesh is not shown (see [`Scene::is_gone`]), so that an object's index is for life.
     pub objects: Vec<Object>,
     /// Punctual lights and emissive objects, in the order of [`Light::id`].
     pub lights: Vec<Light>,
@@ -41,7 +47,7 @@ pub struct Scene {
 }
 
 /// An instance of a mesh.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Object {
     /// The node's name, or `node N`.
     pub name: String,
@@ -55,7 +61,7 @@ pub struct Object {
 }
 
 /// Triangles in object space: all primitives of one glTF mesh, one after the other.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// The mesh's name, or `mesh N`.
     pub name: String,
@@ -74,7 +80,7 @@ pub struct Mesh {
 }
 
 /// A glTF primitive inside a [`Mesh`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Primitive {
     /// Its triangles.
     pub triangles: std::ops::Range<u32>,
@@ -87,7 +93,7 @@ pub struct Primitive {
 }
 
 /// A diffuse material.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// The material's name, or `material N`.
     pub name: String,
@@ -120,7 +126,7 @@ pub enum AlphaMode {
 }
 
 /// A texture as a material uses it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into [`Scene::textures`].
     pub texture: u32,
@@ -144,7 +150,7 @@ pub enum Wrap {
 }
 
 /// An image: sRGB-encoded colour, linear alpha, top row first.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// Width in texels.
     pub width: u32,
@@ -155,7 +161,7 @@ pub struct Texture {
 }
 
 /// A light source: an aperture that light leaves, an emission profile, an intensity and a transform (IBGI section 3.2).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// The node's name, or `node N`.
     pub name: String,
@@ -200,7 +206,7 @@ pub enum Aperture {
 }
 
 /// A perspective camera that looks along its -Z.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// The node's name, or `node N`.
     pub name: String,

@@ -30,6 +30,14 @@ impl Bounds {
         }
     }
 
+    /// The smallest box that holds both.
+    pub fn union(self, other: &Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
     /// Its middle.
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) * 0.5
@@ -45,6 +53,11 @@ impl Scene {
     /// The mesh of an object.
     pub fn mesh(&self, object: u32) -> &Mesh {
         &self.meshes[self.objects[object as usize].mesh as usize]
+    }
+
+    /// Whether an object is not part of the scene (any more): its node was removed, or shows nothing. Its mesh is then empty.
+    pub fn is_gone(&self, object: u32) -> bool {
+        self.mesh(object).triangles.is_empty()
     }
 
     /// The material of an object's triangle.
@@ -77,11 +90,17 @@ impl Scene {
 
     /// The box around all surfaces.
     pub fn bounds(&self) -> Bounds {
-        self.objects.iter().fold(Bounds::EMPTY, |bounds, object| {
-            let positions = &self.meshes[object.mesh as usize].positions;
-            positions.iter().fold(bounds, |bounds, p| {
-                bounds.with(object.transform.transform_point3(*p))
-            })
+        (0..self.objects.len() as u32).fold(Bounds::EMPTY, |bounds, object| {
+            bounds.union(&self.object_bounds(object))
+        })
+    }
+
+    /// The box around an object's vertices in world space; empty for one that is gone.
+    pub fn object_bounds(&self, object: u32) -> Bounds {
+        let transform = self.objects[object as usize].transform;
+        let positions = &self.mesh(object).positions;
+        positions.iter().fold(Bounds::EMPTY, |bounds, p| {
+            bounds.with(transform.transform_point3(*p))
         })
     }
 

@@ -28,27 +28,42 @@ pub(super) fn resolve(uri: &str, folder: Option<&Path>, place: &str) -> Result<S
             .map(|(mime, bytes)| Source::Data(mime, bytes))
             .map_err(|why| invalid(place, why));
     }
-    let outside = || SceneError::Outside {
+    let decoded = String::from_utf8(percent_decode(uri)).map_err(|_| SceneError::Missing {
         place: place.into(),
         uri: one_line(uri),
+        why: "its name is not UTF-8".into(),
+    })?;
+    inside(&decoded, folder, place).map(Source::File)
+}
+
+/// Finds the file that a relative path names, inside `folder`; without links.
+///
+/// # Errors
+/// As for [`resolve`].
+pub(super) fn inside(
+    relative: &str,
+    folder: Option<&Path>,
+    place: &str,
+) -> Result<PathBuf, SceneError> {
+    let outside = || SceneError::Outside {
+        place: place.into(),
+        uri: one_line(relative),
     };
     let missing = |why: &dyn std::fmt::Display| SceneError::Missing {
         place: place.into(),
-        uri: one_line(uri),
+        uri: one_line(relative),
         why: why.to_string(),
     };
-    let decoded =
-        String::from_utf8(percent_decode(uri)).map_err(|_| missing(&"its name is not UTF-8"))?;
-    let scheme = decoded.split_once(':').is_some_and(|(scheme, _)| {
+    let scheme = relative.split_once(':').is_some_and(|(scheme, _)| {
         scheme
             .chars()
             .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
     });
-    if scheme || decoded.starts_with('\\') {
+    if scheme || relative.starts_with('\\') {
         return Err(outside());
     }
     let mut depth = 0;
-    for component in Path::new(&decoded).components() {
+    for component in Path::new(relative).components() {
         match component {
             Component::Normal(_) => depth += 1,
             Component::CurDir => {}
@@ -61,9 +76,9 @@ pub(super) fn resolve(uri: &str, folder: Option<&Path>, place: &str) -> Result<S
     }
     let folder = folder.ok_or_else(|| missing(&"the scene has no folder"))?;
     let folder = fs::canonicalize(folder).map_err(|cause| missing(&cause))?;
-    let file = fs::canonicalize(folder.join(&decoded)).map_err(|cause| missing(&cause))?;
+    let file = fs::canonicalize(folder.join(relative)).map_err(|cause| missing(&cause))?;
     if file.starts_with(&folder) {
-        Ok(Source::File(file))
+        Ok(file)
     } else {
         Err(outside())
     }
