@@ -21,6 +21,9 @@ pub(super) struct Assets {
     pub quiet: bool,
 }
 
+/// What was loaded, with its glTF index.
+pub(super) type Indexed<T> = Vec<(usize, T)>;
+
 #[derive(Clone, Debug)]
 pub(super) struct LoadedMesh {
     pub mesh: Arc<Mesh>,

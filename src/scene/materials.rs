@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{
     AlphaMode, Material, Texture, TextureRef, Wrap,
-    assets::{Assets, LoadedImage},
+    assets::{Assets, Indexed, LoadedImage},
     document::{Document, image_place},
     error::{SceneError, invalid},
     json::{extension, index, integer, list, name, number, numbers},
@@ -30,7 +30,7 @@ const TEXEL_LIMIT: u64 = 1 << 30;
 pub(super) fn load_materials(
     document: &Document,
     assets: &Assets,
-) -> Result<(Vec<Material>, Vec<(usize, LoadedImage)>), SceneError> {
+) -> Result<(Vec<Material>, Indexed<LoadedImage>), SceneError> {
     let (materials, used) = read_materials(document, assets.quiet)?;
     let mut total = 0;
     for &image in &used {

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::{
     Mesh, Primitive,
     accessor::{Accessor, COUNT_LIMIT},
-    assets::{Assets, LoadedMesh},
+    assets::{Assets, Indexed, LoadedMesh},
     document::Document,
     error::{SceneError, invalid},
     json::{index, integer, list, name},
@@ -25,7 +25,7 @@ pub(super) fn load_meshes(
     used: &[usize],
     materials: usize,
     assets: &Assets,
-) -> Result<Vec<(usize, LoadedMesh)>, SceneError> {
+) -> Result<Indexed<LoadedMesh>, SceneError> {
     // Primitives may share accessors, so a small file can ask for any number of vertices: count before reading.
     let mut total = 0usize;
     for &source in used {

@@ -17,8 +17,10 @@ use super::super::{
 use super::EditError;
 use super::names::{self, Name};
 
-/// Nodes that a document may have after an edit. Copies of copies double with every line of a script.
-const NODE_LIMIT: usize = 1 << 20;
+/// Nodes that one edit may add: copies of copies double with every line of a script.
+const ADDED_LIMIT: usize = 1 << 16;
+/// Nodes that a document may have after it.
+const NODE_LIMIT: usize = 1 << 22;
 
 /// What a node of another file keeps, beside its mesh, its light and its children.
 const KEPT: [&str; 6] = [
@@ -50,7 +52,7 @@ pub(super) fn add(
 
     let placed = walk(&source.json, true).map_err(refused)?;
     let first = list(&document.json, "nodes").len();
-    limit(first + 1 + placed.len())?;
+    limit(first, 1 + placed.len())?;
     let numbers: BTreeMap<usize, usize> = placed
         .iter()
         .enumerate()
@@ -106,7 +108,7 @@ pub(super) fn copy(
     // In the order of their nodes, as a file's are.
     subtree.sort_unstable();
     let first = nodes.len();
-    limit(first + subtree.len())?;
+    limit(first, subtree.len())?;
     let numbers: BTreeMap<usize, usize> = subtree
         .iter()
         .enumerate()
@@ -203,14 +205,19 @@ fn renumber(copy: &mut Value, children: &[Value], numbers: &BTreeMap<usize, usiz
     }
 }
 
-fn limit(nodes: usize) -> Result<(), EditError> {
-    if nodes <= NODE_LIMIT {
+fn limit(nodes: usize, added: usize) -> Result<(), EditError> {
+    let why = if added > ADDED_LIMIT {
+        format!("{added} nodes at once are more than {ADDED_LIMIT}; copy or add less")
+    } else if nodes + added > NODE_LIMIT {
+        format!(
+            "{} nodes, removed ones included, are more than {NODE_LIMIT}; copy or add less",
+            nodes + added
+        )
+    } else {
         return Ok(());
-    }
+    };
     Err(EditError::Scene {
         place: "the edited scene".into(),
-        why: format!(
-            "{nodes} nodes, those that were removed included, are more than {NODE_LIMIT}; copy or add less"
-        ),
+        why,
     })
 }

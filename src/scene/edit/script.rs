@@ -221,8 +221,9 @@ mod tests {
                 "{line}: {message}"
             );
         }
-        let deep = format!(r#"{{"do": "copy", "node": {}"#, "[".repeat(100_000));
-        assert!(refusal(&deep).contains("recursion"));
+        let nested = "[".repeat(100_000) + &"]".repeat(100_000);
+        let deep = format!(r#"{{"do": "copy", "node": {nested}}}"#);
+        assert!(refusal(&deep).contains("a name in quotes or an index"));
         assert!(refusal(&format!(r#"{{"do": "{}"}}"#, "x\\n".repeat(100_000))).len() < 400);
     }
 }
