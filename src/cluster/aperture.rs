@@ -94,7 +94,7 @@ impl ApertureTree {
                 ..start
             })
             .collect();
-        let energy = paths.emissions.len().max(1) as f32;
+        let energy = paths.paths.len().max(1) as f32;
         let flux = mean(emitter.flux) / energy;
         let indices = (0..sides.len() as u32).collect();
         Self {
@@ -283,7 +283,8 @@ fn link(
         of_triangle.entry(piece.triangle).or_default().push(i);
     }
     let center = |i: usize| pieces[i].corners.iter().sum::<Vec3>() / 3.0;
-    let starts = paths.emissions.iter().filter_map(|e| {
+    let emissions = paths.paths.iter().map(|p| &p.emission);
+    let starts = emissions.filter_map(|e| {
         let candidates = of_triangle.get(&e.triangle)?;
         let distance = |i: usize| center(i).distance_squared(e.position);
         let &piece = candidates

@@ -1,94 +1,166 @@
 //! The border step (IBGI section 4.1, "Border Handling"): VPLs left over beside a cell's face join the polygon that goes on behind it.
 
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
-use glam::Vec3;
 use rayon::prelude::*;
 
-use super::octree::Cell;
+use super::CellId;
+use super::cell::{Cell, Place};
 use super::similarity::{Groups, SimilaritySettings};
+use crate::transport::{Vpl, VplKey};
 
 /// How near to the face a VPL must be, in sizes of the cell behind it.
 const REACH: f32 = 0.1;
 
-/// Moves every VPL that belongs to no plane of its cell, and lies near a face behind which a selected cell has a polygon
-/// in the VPL's plane, to that polygon. A pure function of the cells, which are tried in the order of the faces.
-pub fn join(groups: Vec<(Cell, Groups)>, settings: &SimilaritySettings) -> BTreeMap<Cell, Groups> {
-    let mut groups: BTreeMap<Cell, Groups> = groups.into_iter().collect();
-    let deepest = groups.keys().map(|c| c.level).max().unwrap_or(0);
-    let cells: Vec<(&Cell, &Groups)> = groups.iter().collect();
-    let moves: Vec<(Cell, u32, Cell, usize)> = cells
-        .par_iter()
-        .flat_map_iter(|&(cell, group)| {
-            let target = |&i: &u32| {
-                let vpl = &group.vpls[i as usize];
-                neighbours(&groups, cell, deepest, vpl.position).find_map(|(other, distance)| {
-                    let near = distance <= REACH * other.size();
-                    let fits = |g: &Groups| {
-                        g.planes
-                            .iter()
-                            .position(|p| p.fits(vpl, other.size(), settings))
-                    };
-                    near.then(|| fits(&groups[&other]))
-                        .flatten()
-                        .map(|plane| (*cell, i, other, plane))
-                })
-            };
-            group.rest.iter().filter_map(target).collect::<Vec<_>>()
-        })
-        .collect();
-    for (from, i, to, plane) in moves {
-        let Some(source) = groups.get_mut(&from) else {
-            continue;
-        };
-        source.rest.retain(|&r| r != i);
-        let vpl = source.vpls[i as usize];
-        if let Some(target) = groups.get_mut(&to) {
-            target.planes[plane].joined.push(vpl);
-        }
-    }
-    groups
+/// What crosses a selected cell's faces. What crosses between two cells depends on these two alone.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Border {
+    /// By the cell that they went to: indices into [`Groups::vpls`].
+    pub to: BTreeMap<Cell, Vec<u32>>,
+    /// By the cell that they came from, with the number of the plane that they join.
+    pub from: BTreeMap<Cell, Vec<(u32, Vpl)>>,
 }
 
-/// The selected cells behind the faces of a cell, as seen from a point of it, with the point's distance from the face.
-fn neighbours<'a>(
-    groups: &'a BTreeMap<Cell, Groups>,
-    cell: &Cell,
-    deepest: u8,
-    position: Vec3,
-) -> impl Iterator<Item = (Cell, f32)> + 'a {
-    let [lo, hi] = cell.bounds();
-    let size = cell.size();
-    let cell = *cell;
-    (0..6).filter_map(move |face| {
-        let (axis, upper) = (face / 2, face % 2 == 1);
-        let distance = if upper {
-            hi[axis] - position[axis]
-        } else {
-            position[axis] - lo[axis]
-        };
-        // A neighbour's face is shared: one more than eight times larger is not worth looking for.
-        if distance > REACH * size * 8.0 {
-            return None;
+impl Border {
+    /// Indices of the VPLs that left, ascending.
+    pub fn left(&self) -> Vec<u32> {
+        let mut left: Vec<u32> = self.to.values().flatten().copied().collect();
+        left.sort_unstable();
+        left
+    }
+
+    /// The VPLs that joined a plane.
+    pub fn joined(&self, plane: usize) -> impl Iterator<Item = &Vpl> {
+        let all = self.from.values().flatten();
+        all.filter(move |(p, _)| *p as usize == plane)
+            .map(|(_, vpl)| vpl)
+    }
+
+    /// For each cell with which VPLs were exchanged, a fingerprint of their keys: the same on both sides.
+    pub fn joins(&self, groups: &Groups) -> Vec<(CellId, u64)> {
+        let mut crossed: BTreeMap<Cell, [Vec<VplKey>; 2]> = BTreeMap::new();
+        for (other, indices) in &self.to {
+            let keys = indices.iter().map(|&i| groups.vpls[i as usize].key);
+            crossed.entry(*other).or_default()[0].extend(keys);
         }
-        let mut across = position;
-        across[axis] = if upper {
-            hi[axis] + size * 1e-3
-        } else {
-            lo[axis] - size * 1e-3
+        for (other, vpls) in &self.from {
+            let keys = vpls.iter().map(|(_, v)| v.key);
+            crossed.entry(*other).or_default()[1].extend(keys);
+        }
+        let fingerprint = |(other, [to, from]): (Cell, [Vec<VplKey>; 2])| {
+            let mut hasher = DefaultHasher::new();
+            let in_order = if groups.cell < other {
+                [to, from]
+            } else {
+                [from, to]
+            };
+            in_order.hash(&mut hasher);
+            (CellId::Octree(other), hasher.finish())
         };
-        // The selected cell that holds the point, of whatever level.
-        let found = std::iter::successors(Some(Cell::at(across, deepest)), Cell::parent)
-            .find(|c| groups.contains_key(c))?;
-        (found != cell).then_some((found, distance.max(0.0)))
-    })
+        crossed.into_iter().map(fingerprint).collect()
+    }
+}
+
+/// A VPL that belongs to no plane of its cell, and what lies beyond the face that is nearest to it.
+#[derive(Clone, Copy, Debug)]
+pub struct Stray {
+    /// Into [`Groups::vpls`].
+    pub index: u32,
+    /// From the face, metres.
+    pub distance: f32,
+    /// Just behind the face.
+    pub beyond: Place,
+}
+
+/// The strays of a cell.
+pub fn strays(groups: &Groups) -> Vec<Stray> {
+    let [lo, hi] = groups.cell.bounds();
+    let step = groups.cell.size() * 1e-3;
+    let stray = |&index: &u32| {
+        let position = groups.vpls[index as usize].position;
+        let distances = (0..6).map(|face| match face % 2 {
+            0 => position[face / 2] - lo[face / 2],
+            _ => hi[face / 2] - position[face / 2],
+        });
+        let (face, distance) = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let mut beyond = position;
+        beyond[face / 2] = match face % 2 {
+            0 => lo[face / 2] - step,
+            _ => hi[face / 2] + step,
+        };
+        Some(Stray {
+            index,
+            distance: distance.max(0.0),
+            beyond: Place::at(beyond),
+        })
+    };
+    groups.rest.iter().filter_map(stray).collect()
+}
+
+/// Which strays of a cell go to another selected cell, and to which of its planes: those in whose plane it has a polygon.
+pub fn crossing(
+    from: &Groups,
+    strays: &[Stray],
+    to: &Groups,
+    settings: &SimilaritySettings,
+) -> Vec<(u32, u32)> {
+    let size = to.cell.size();
+    let places = to.cell.places();
+    strays
+        .iter()
+        .filter(|s| s.distance <= REACH * size && places.contains(&s.beyond))
+        .filter_map(|s| {
+            let vpl = &from.vpls[s.index as usize];
+            let plane = to.planes.iter().position(|p| p.fits(vpl, size, settings))?;
+            Some((s.index, plane as u32))
+        })
+        .collect()
+}
+
+/// The border step over all selected cells at once.
+pub fn join(
+    groups: Vec<(Cell, Groups)>,
+    settings: &SimilaritySettings,
+) -> BTreeMap<Cell, (Groups, Border)> {
+    let groups: BTreeMap<Cell, Groups> = groups.into_iter().collect();
+    let cells: Vec<&Groups> = groups.values().collect();
+    let moves: Vec<(Cell, Cell, Vec<(u32, u32)>)> = cells
+        .par_iter()
+        .flat_map_iter(|from| {
+            let mut beyond: BTreeMap<Cell, Vec<Stray>> = BTreeMap::new();
+            for stray in strays(from) {
+                let holder = stray.beyond.cells().find(|c| groups.contains_key(c));
+                if let Some(cell) = holder.filter(|c| *c != from.cell) {
+                    beyond.entry(cell).or_default().push(stray);
+                }
+            }
+            let crossed = beyond.into_iter().map(|(cell, strays)| {
+                let moved = crossing(from, &strays, &groups[&cell], settings);
+                (from.cell, cell, moved)
+            });
+            crossed.collect::<Vec<_>>()
+        })
+        .filter(|(.., moved)| !moved.is_empty())
+        .collect();
+    let mut borders: BTreeMap<Cell, Border> = BTreeMap::new();
+    for (from, to, moved) in moves {
+        let vpl = |i: u32| groups[&from].vpls[i as usize];
+        let joined = moved.iter().map(|&(i, plane)| (plane, vpl(i))).collect();
+        let left = moved.iter().map(|&(i, _)| i).collect();
+        borders.entry(from).or_default().to.insert(to, left);
+        borders.entry(to).or_default().from.insert(from, joined);
+    }
+    let with_border = |(cell, groups)| (cell, (groups, borders.remove(&cell).unwrap_or_default()));
+    groups.into_iter().map(with_border).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::Scatter;
     use crate::transport::sampling::Sequence;
-    use crate::transport::{Scatter, Vpl, VplKey};
+    use glam::Vec3;
 
     fn floor_vpl(path: u32, position: Vec3) -> Vpl {
         let key = VplKey {
@@ -99,6 +171,7 @@ mod tests {
         let scatter = Scatter {
             distance: 1.0,
             albedo: 0.5,
+            ..Default::default()
         };
         Vpl {
             key,
@@ -134,14 +207,15 @@ mod tests {
             (beside, Groups::new(beside, strays.collect(), &settings)),
         ];
         let joined = join(groups, &settings);
+        let (_, border) = &joined[&cell];
         assert_eq!(
-            joined[&cell].planes[0]
-                .joined
-                .iter()
-                .map(|v| v.key.path)
-                .collect::<Vec<_>>(),
+            border.joined(0).map(|v| v.key.path).collect::<Vec<_>>(),
             [60]
         );
-        assert_eq!(joined[&beside].rest, [1, 2]);
+        assert_eq!(joined[&beside].1.left(), [0]);
+        let joins = |c: &Cell| joined[c].1.joins(&joined[c].0);
+        assert_eq!(joins(&cell)[0].0, CellId::Octree(beside));
+        assert_eq!(joins(&beside)[0].0, CellId::Octree(cell));
+        assert_eq!(joins(&cell)[0].1, joins(&beside)[0].1);
     }
 }

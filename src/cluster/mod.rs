@@ -3,26 +3,35 @@
 pub mod aperture;
 pub mod balance;
 mod border;
+pub mod cell;
 pub mod evaluate;
 pub mod facet;
 pub mod octree;
 pub mod polygon;
 pub mod similarity;
+pub mod wanted;
+#[cfg(test)]
+mod wanted_tests;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use arrayvec::ArrayVec;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
 use crate::scene::Scene;
+use crate::transport::emission::Emitter;
 use crate::transport::paths::{PathSet, PathSettings, emitters};
+use crate::transport::validate::Differences;
 
 use aperture::ApertureTree;
 pub use balance::{Balancer, Budget, Cut, Forest, Step};
-pub use octree::{Cell, FluxScale, Octree};
+use border::Border;
+pub use cell::Cell;
+pub use octree::{FluxScale, Octree};
 use similarity::Groups;
 pub use similarity::SimilaritySettings;
+pub use wanted::Wanted;
 
 /// A light that the GPU accumulates into the lightmap with one shadow map.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,6 +98,9 @@ pub struct Selected {
     pub cell: CellId,
     /// Its virtual lights; none if its VPLs joined a neighbour's polygon.
     pub lights: Vec<VirtualLight>,
+    /// The cells that it exchanged VPLs with in the border step, each with a fingerprint of which these were. As long as
+    /// both sides of every join have the same fingerprint, no VPL's flux is missing or counted twice.
+    pub joins: Vec<(CellId, u64)>,
 }
 
 /// All light of a scene, direct and bounced, in trees that can be cut at any level of detail.
@@ -96,8 +108,8 @@ pub struct Selected {
 pub struct Clusters {
     /// Over all VPLs.
     pub octree: Octree,
-    /// By light.
-    apertures: BTreeMap<u32, ApertureTree>,
+    /// By light, each with the octree's version in which it was made.
+    apertures: BTreeMap<u32, (u64, ApertureTree)>,
     settings: SimilaritySettings,
 }
 
@@ -115,7 +127,10 @@ impl Clusters {
             .zip(&scene.lights)
             .filter_map(|(emitter, light)| {
                 let paths = paths.lights.get(&light.id())?;
-                Some((light.id(), ApertureTree::new(light, emitter, paths, &scale)))
+                Some((
+                    light.id(),
+                    (0, ApertureTree::new(light, emitter, paths, &scale)),
+                ))
             })
             .collect();
         Self {
@@ -126,12 +141,72 @@ impl Clusters {
     }
 
     fn aperture(&self, light: u32, path: u64) -> Option<&aperture::ApertureNode> {
-        self.apertures.get(&light)?.node(path)
+        self.apertures.get(&light)?.1.node(path)
+    }
+
+    /// What stands for a part of an aperture.
+    fn direct(&self, cell: CellId) -> Selected {
+        let lights = match cell {
+            CellId::Aperture { light, path } => self.aperture_lights(light, path),
+            CellId::Octree(_) => Vec::new(),
+        };
+        Selected {
+            cell,
+            lights,
+            joins: Vec::new(),
+        }
+    }
+
+    /// What stands for the VPLs of an octree cell.
+    fn indirect(&self, groups: &Groups, border: &Border) -> Selected {
+        Selected {
+            cell: CellId::Octree(groups.cell),
+            lights: groups.lights(border, self.octree.scale(), &self.settings),
+            joins: border.joins(groups),
+        }
+    }
+
+    /// Takes in what [`crate::transport::validate::Validator::step`] changed; `paths` are those after it. The trees are then
+    /// those of [`Self::new`].
+    pub fn apply(&mut self, scene: &Scene, paths: &PathSet, differences: &Differences) {
+        self.octree.begin_version();
+        for vpl in &differences.removed {
+            self.octree.remove(vpl);
+        }
+        for vpl in &differences.added {
+            self.octree.add(vpl);
+        }
+        for [old, new] in &differences.rescattered {
+            self.octree.rescatter(old, new);
+        }
+        let lights = differences.lights.iter().map(|l| l.light);
+        let touched: BTreeSet<u32> = lights
+            .chain(differences.emissions.iter().map(|e| e.light))
+            .collect();
+        for (index, light) in scene.lights.iter().enumerate() {
+            if !touched.contains(&light.id()) {
+                continue;
+            }
+            if let Some(paths) = paths.lights.get(&light.id()) {
+                let tree = ApertureTree::new(
+                    light,
+                    &Emitter::new(scene, index),
+                    paths,
+                    self.octree.scale(),
+                );
+                self.apertures
+                    .insert(light.id(), (self.octree.version(), tree));
+            }
+        }
+        self.apertures
+            .retain(|light, _| paths.lights.contains_key(light));
     }
 
     fn aperture_lights(&self, light: u32, path: u64) -> Vec<VirtualLight> {
         let tree = self.apertures.get(&light);
-        tree.map_or_else(Vec::new, |t| t.lights(path, self.settings.lights_per_cell))
+        tree.map_or_else(Vec::new, |t| {
+            t.1.lights(path, self.settings.lights_per_cell)
+        })
     }
 
     /// The cut at the fixed point of Algorithm 1.
@@ -155,14 +230,12 @@ impl Clusters {
         let groups = border::join(groups, &self.settings);
         cut.cells
             .par_iter()
-            .map(|&cell| {
-                let lights = match cell {
-                    CellId::Aperture { light, path } => self.aperture_lights(light, path),
-                    CellId::Octree(cell) => groups
-                        .get(&cell)
-                        .map_or_else(Vec::new, |g| g.lights(self.octree.scale(), &self.settings)),
-                };
-                Selected { cell, lights }
+            .filter_map(|&cell| match cell {
+                CellId::Aperture { .. } => Some(self.direct(cell)),
+                CellId::Octree(cell) => {
+                    let (groups, border) = groups.get(&cell)?;
+                    Some(self.indirect(groups, border))
+                }
             })
             .collect()
     }
@@ -230,7 +303,7 @@ impl Forest for Clusters {
         let apertures: u64 = self
             .apertures
             .values()
-            .filter_map(|a| a.node(1))
+            .filter_map(|a| a.1.node(1))
             .map(|n| n.contribution())
             .sum();
         (apertures + self.octree.total().contribution) as f64

@@ -1,91 +1,15 @@
 //! The octree over all VPLs (IBGI section 4.1): a fixed grid, integer sums, one VPL added or removed at a time.
 
-use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::cell::{Cell, MAX_LEVEL, ROOT_BITS, grid, octant};
 use crate::transport::{Vpl, emission::mean};
 
-/// Root cells are 2^10 m wide.
-const ROOT_BITS: u32 = 10;
-/// Positions are kept in 2^-20 m.
-const FRACTION_BITS: u32 = 20;
-/// Cells of the deepest level are 2^-14 m (61 µm) wide.
-pub const MAX_LEVEL: u8 = 24;
 /// A node with more VPLs than this has children, down to [`MAX_LEVEL`].
 pub const LEAF_CAPACITY: usize = 16;
-
-/// A cell of the world's grid: level 0 cells are 1024 m wide, and each level halves them. No cell depends on a scene's
-/// bounds. The grid lies a third of a root cell off the origin, so that walls at round coordinates never lie on a cell's face.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Cell {
-    /// 0 (root) to [`MAX_LEVEL`].
-    pub level: u8,
-    /// Index along each axis, in cells of this level.
-    pub index: [i64; 3],
-}
-
-impl Cell {
-    /// The cell of a level that holds a point.
-    pub fn at(position: Vec3, level: u8) -> Self {
-        let shift = ROOT_BITS + FRACTION_BITS - u32::from(level);
-        Self {
-            level,
-            index: grid(position).map(|g| g >> shift),
-        }
-    }
-
-    /// Edge length, metres.
-    pub fn size(&self) -> f32 {
-        (f64::from(ROOT_BITS) - f64::from(self.level)).exp2() as f32
-    }
-
-    /// Lower and upper corner, metres.
-    pub fn bounds(&self) -> [Vec3; 2] {
-        let size = (f64::from(ROOT_BITS) - f64::from(self.level)).exp2();
-        let lo =
-            DVec3::from_array(self.index.map(|i| i as f64)) * size - DVec3::splat(grid_offset());
-        [lo.as_vec3(), (lo + size).as_vec3()]
-    }
-
-    /// Centre, metres.
-    pub fn center(&self) -> Vec3 {
-        let [lo, hi] = self.bounds();
-        (lo + hi) * 0.5
-    }
-
-    /// The cell that this one is an eighth of.
-    pub fn parent(&self) -> Option<Self> {
-        (self.level > 0).then(|| Self {
-            level: self.level - 1,
-            index: self.index.map(|i| i >> 1),
-        })
-    }
-
-    /// One of the eight parts: bit `a` of `octant` chooses the upper half along axis `a`.
-    pub fn child(&self, octant: usize) -> Self {
-        Self {
-            level: self.level + 1,
-            index: std::array::from_fn(|a| self.index[a] * 2 + (octant >> a & 1) as i64),
-        }
-    }
-}
-
-fn grid_offset() -> f64 {
-    f64::from(ROOT_BITS).exp2() / 3.0
-}
-
-fn grid(position: Vec3) -> [i64; 3] {
-    position
-        .to_array()
-        .map(|x| ((f64::from(x) + grid_offset()) * f64::from(FRACTION_BITS).exp2()).floor() as i64)
-}
-
-/// Which of a cell's children at `level` holds the point.
-fn octant(grid: [i64; 3], level: u8) -> usize {
-    let shift = ROOT_BITS + FRACTION_BITS - u32::from(level);
-    (0..3).map(|a| ((grid[a] >> shift & 1) as usize) << a).sum()
-}
 
 /// Fixed point for radiant flux: 2^24 units are one path's energy, so that sums of 2^37 VPLs fit 64 bits and keep
 /// no trace of what was added and removed.
@@ -178,10 +102,26 @@ fn terms(vpl: &Vpl, scale: &FluxScale, level: u8) -> Sums {
 }
 
 /// A node: a leaf with its VPLs in key order, or up to eight parts.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Node {
     sums: Sums,
     content: Content,
+    /// The tree's version in which a VPL was last added or removed.
+    version: u64,
+}
+
+impl PartialEq for Node {
+    /// When it came to be so does not matter.
+    fn eq(&self, other: &Self) -> bool {
+        self.sums == other.sums && self.content == other.content
+    }
+}
+
+/// What all nodes of a tree share.
+#[derive(Clone, Copy, Debug)]
+struct Shared {
+    scale: FluxScale,
+    version: u64,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -194,6 +134,11 @@ impl Node {
     /// Its sums.
     pub fn sums(&self) -> &Sums {
         &self.sums
+    }
+
+    /// The tree's version in which a VPL below was last added or removed; that a VPL's scatter changed does not count.
+    pub fn version(&self) -> u64 {
+        self.version
     }
 
     /// Its parts with their octants; none for a leaf.
@@ -232,17 +177,21 @@ impl Node {
         Self {
             sums: Sums::default(),
             content: Content::Leaf(Vec::new()),
+            version: 0,
         }
     }
 
     /// Over VPLs in key order.
-    fn build(vpls: Vec<Vpl>, scale: &FluxScale, level: u8) -> Self {
+    fn build(vpls: Vec<Vpl>, shared: &Shared, level: u8) -> Self {
         let mut sums = Sums::default();
-        vpls.iter().for_each(|v| sums.add(&terms(v, scale, level)));
+        vpls.iter()
+            .for_each(|v| sums.add(&terms(v, &shared.scale, level)));
+        let version = shared.version;
         if vpls.len() <= LEAF_CAPACITY || level == MAX_LEVEL {
             return Self {
                 sums,
                 content: Content::Leaf(vpls),
+                version,
             };
         }
         let parallel = vpls.len() > 4096;
@@ -250,7 +199,8 @@ impl Node {
         for vpl in vpls {
             parts[octant(grid(vpl.position), level + 1)].push(vpl);
         }
-        let make = |part: Vec<Vpl>| (!part.is_empty()).then(|| Self::build(part, scale, level + 1));
+        let make =
+            |part: Vec<Vpl>| (!part.is_empty()).then(|| Self::build(part, shared, level + 1));
         let nodes: Vec<Option<Node>> = if parallel {
             parts.into_par_iter().map(make).collect()
         } else {
@@ -258,16 +208,21 @@ impl Node {
         };
         let mut nodes = nodes.into_iter();
         let content = Content::Inner(Box::new(std::array::from_fn(|_| nodes.next().flatten())));
-        Self { sums, content }
+        Self {
+            sums,
+            content,
+            version,
+        }
     }
 
-    fn add(&mut self, vpl: &Vpl, scale: &FluxScale, level: u8) {
-        self.sums.add(&terms(vpl, scale, level));
+    fn add(&mut self, vpl: &Vpl, shared: &Shared, level: u8) {
+        self.sums.add(&terms(vpl, &shared.scale, level));
+        self.version = shared.version;
         match &mut self.content {
             Content::Inner(parts) => {
                 let part = &mut parts[octant(grid(vpl.position), level + 1)];
                 part.get_or_insert_with(Node::empty)
-                    .add(vpl, scale, level + 1);
+                    .add(vpl, shared, level + 1);
             }
             Content::Leaf(vpls) => {
                 let place = vpls.partition_point(|v| v.key < vpl.key);
@@ -278,14 +233,14 @@ impl Node {
                 );
                 vpls.insert(place, *vpl);
                 if vpls.len() > LEAF_CAPACITY && level < MAX_LEVEL {
-                    *self = Self::build(std::mem::take(vpls), scale, level);
+                    *self = Self::build(std::mem::take(vpls), shared, level);
                 }
             }
         }
     }
 
     /// False, and nothing changed, if the VPL is not here.
-    fn remove(&mut self, vpl: &Vpl, scale: &FluxScale, level: u8) -> bool {
+    fn remove(&mut self, vpl: &Vpl, shared: &Shared, level: u8) -> bool {
         match &mut self.content {
             Content::Leaf(vpls) => {
                 let Ok(place) = vpls.binary_search_by_key(&vpl.key, |v| v.key) else {
@@ -299,7 +254,7 @@ impl Node {
             Content::Inner(parts) => {
                 let part = &mut parts[octant(grid(vpl.position), level + 1)];
                 let Some(node) = part else { return false };
-                if !node.remove(vpl, scale, level + 1) {
+                if !node.remove(vpl, shared, level + 1) {
                     return false;
                 }
                 if node.sums.count == 0 {
@@ -307,26 +262,58 @@ impl Node {
                 }
             }
         }
-        self.sums.remove(&terms(vpl, scale, level));
+        self.sums.remove(&terms(vpl, &shared.scale, level));
+        self.version = shared.version;
         if !self.is_leaf() && self.sums.count as usize <= LEAF_CAPACITY {
             self.content = Content::Leaf(self.vpls());
         }
         true
     }
+
+    /// False, and nothing changed, if the VPL is not here.
+    fn rescatter(&mut self, old: &Vpl, new: &Vpl, scale: &FluxScale, level: u8) -> bool {
+        let found = match &mut self.content {
+            Content::Leaf(vpls) => {
+                let vpl = vpls.binary_search_by_key(&old.key, |v| v.key).ok();
+                match vpl.map(|place| &mut vpls[place]) {
+                    Some(vpl) if vpl == old => {
+                        *vpl = *new;
+                        true
+                    }
+                    _ => false,
+                }
+            }
+            Content::Inner(parts) => parts[octant(grid(old.position), level + 1)]
+                .as_mut()
+                .is_some_and(|part| part.rescatter(old, new, scale, level + 1)),
+        };
+        if found {
+            self.sums.remove(&terms(old, scale, level));
+            self.sums.add(&terms(new, scale, level));
+        }
+        found
+    }
 }
 
 /// The tree over all VPLs of all lights and bounces: a pure function of their set.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Octree {
-    scale: FluxScale,
+    shared: Shared,
     roots: BTreeMap<[i64; 3], Node>,
+}
+
+impl PartialEq for Octree {
+    /// The history of a tree does not matter.
+    fn eq(&self, other: &Self) -> bool {
+        self.shared.scale == other.shared.scale && self.roots == other.roots
+    }
 }
 
 impl Octree {
     /// An empty tree.
     pub fn new(scale: FluxScale) -> Self {
         Self {
-            scale,
+            shared: Shared { scale, version: 0 },
             roots: BTreeMap::new(),
         }
     }
@@ -340,27 +327,38 @@ impl Octree {
                 .or_default()
                 .push(*vpl);
         }
+        let shared = Shared { scale, version: 0 };
         let roots = parts
             .into_iter()
             .map(|(index, mut vpls)| {
                 if !vpls.is_sorted_by_key(|v| v.key) {
                     vpls.par_sort_unstable_by_key(|v| v.key);
                 }
-                (index, Node::build(vpls, &scale, 0))
+                (index, Node::build(vpls, &shared, 0))
             })
             .collect();
-        Self { scale, roots }
+        Self { shared, roots }
     }
 
     /// The fixed point that all sums are in.
     pub fn scale(&self) -> &FluxScale {
-        &self.scale
+        &self.shared.scale
+    }
+
+    /// The number of the present version.
+    pub fn version(&self) -> u64 {
+        self.shared.version
+    }
+
+    /// Begins a new version: see [`Node::version`].
+    pub fn begin_version(&mut self) {
+        self.shared.version += 1;
     }
 
     /// Adds one VPL. Its key must not be in the tree.
     pub fn add(&mut self, vpl: &Vpl) {
         let root = self.roots.entry(Cell::at(vpl.position, 0).index);
-        root.or_insert_with(Node::empty).add(vpl, &self.scale, 0);
+        root.or_insert_with(Node::empty).add(vpl, &self.shared, 0);
     }
 
     /// Removes one VPL, as it was added; false if it is not in the tree.
@@ -369,11 +367,17 @@ impl Octree {
         let Some(root) = self.roots.get_mut(&index) else {
             return false;
         };
-        let removed = root.remove(vpl, &self.scale, 0);
+        let removed = root.remove(vpl, &self.shared, 0);
         if root.sums.count == 0 {
             self.roots.remove(&index);
         }
         removed
+    }
+
+    /// Replaces a VPL by one that differs in its scatter alone; false if it is not in the tree.
+    pub fn rescatter(&mut self, old: &Vpl, new: &Vpl) -> bool {
+        let root = self.roots.get_mut(&Cell::at(old.position, 0).index);
+        root.is_some_and(|r| r.rescatter(old, new, &self.shared.scale, 0))
     }
 
     /// The root cells that hold VPLs.
@@ -428,6 +432,7 @@ mod tests {
             scatter: Scatter {
                 distance,
                 albedo: 0.6,
+                ..Default::default()
             },
         }
     }
@@ -490,34 +495,15 @@ mod tests {
             let mut tree = Octree::new(scale);
             shuffled.iter().for_each(|v| tree.add(v));
             for v in shuffled.iter().filter(|v| v.key.path as usize >= keep) {
+                let mut other = **v;
+                (other.scatter.distance, other.scatter.albedo) = (0.5, 0.9);
+                prop_assert!(tree.rescatter(v, &other));
+                prop_assert!(!tree.rescatter(v, &other));
+                prop_assert!(tree.rescatter(&other, v));
                 prop_assert!(tree.remove(v));
                 prop_assert!(!tree.remove(v));
             }
             prop_assert_eq!(tree, built);
-        }
-    }
-
-    #[test]
-    fn cells_nest_and_walls_at_round_coordinates_lie_inside() {
-        for (p, level) in [
-            (Vec3::new(1.0, -2.5, 0.0), 12),
-            (Vec3::new(-400.0, 700.0, 0.25), 3),
-        ] {
-            let cell = Cell::at(p, level);
-            assert_eq!(Cell::at(p, level - 1), cell.parent().expect("a parent"));
-            assert!(
-                (0..8)
-                    .map(|o| cell.child(o))
-                    .any(|c| c == Cell::at(p, level + 1))
-            );
-            let [lo, hi] = cell.bounds();
-            assert!(lo.cmple(p).all() && hi.cmpgt(p).all());
-            assert!(((hi - lo) - cell.size()).abs().max_element() < 1e-3);
-        }
-        for level in 0..=16 {
-            let cell = Cell::at(Vec3::ZERO, level);
-            let [lo, hi] = cell.bounds();
-            assert!((-lo).min(hi).min_element() > cell.size() * 0.3);
         }
     }
 

@@ -4,7 +4,9 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
-use super::octree::{Cell, FluxScale};
+use super::border::Border;
+use super::cell::Cell;
+use super::octree::FluxScale;
 use super::polygon::{Plane, centroid, region, vertices};
 use super::{Shape, VirtualLight};
 use crate::transport::bvh::offset;
@@ -57,8 +59,6 @@ pub struct PlaneGroup {
     pub plane: Plane,
     /// Indices into [`Groups::vpls`].
     pub members: Vec<u32>,
-    /// VPLs that the border step brought from neighbour cells.
-    pub joined: Vec<Vpl>,
 }
 
 impl PlaneGroup {
@@ -87,7 +87,6 @@ impl Groups {
                 None if known < MAX_PLANES => planes.push(PlaneGroup {
                     plane: Plane::new(vpl.position, vpl.normal),
                     members: vec![i as u32],
-                    joined: Vec::new(),
                 }),
                 None => rest.push(i as u32),
             }
@@ -115,18 +114,31 @@ impl Groups {
         }
     }
 
-    /// The virtual lights, which carry all of the flux of the VPLs: exactly so in fixed point, then rounded to `f32`.
-    pub fn lights(&self, scale: &FluxScale, settings: &SimilaritySettings) -> Vec<VirtualLight> {
+    /// The virtual lights, which carry all of the flux of the VPLs, but for those that crossed the border: exactly so in fixed
+    /// point, then rounded to `f32`.
+    pub fn lights(
+        &self,
+        border: &Border,
+        scale: &FluxScale,
+        settings: &SimilaritySettings,
+    ) -> Vec<VirtualLight> {
         let mut lights = Vec::with_capacity(settings.lights_per_cell);
-        let mut rest: Vec<&Vpl> = self.rest.iter().map(|&i| &self.vpls[i as usize]).collect();
-        for group in &self.planes {
+        let left = border.left();
+        let mut rest: Vec<&Vpl> = self
+            .rest
+            .iter()
+            .filter(|i| left.binary_search(i).is_err())
+            .map(|&i| &self.vpls[i as usize])
+            .collect();
+        for (plane, group) in self.planes.iter().enumerate() {
+            let joined: Vec<&Vpl> = border.joined(plane).collect();
             let members: Vec<&Vpl> = group
                 .members
                 .iter()
                 .map(|&i| &self.vpls[i as usize])
-                .chain(&group.joined)
+                .chain(joined.iter().copied())
                 .collect();
-            match self.polygon(group, &members, scale) {
+            match self.polygon(group, &members, &joined, scale) {
                 Some(light) => lights.push(light),
                 None => rest.extend(members),
             }
@@ -152,6 +164,7 @@ impl Groups {
         &self,
         group: &PlaneGroup,
         members: &[&Vpl],
+        joined: &[&Vpl],
         scale: &FluxScale,
     ) -> Option<VirtualLight> {
         let points: Vec<Vec2> = members
@@ -160,8 +173,8 @@ impl Groups {
             .collect();
         let [lo, hi] = self.cell.bounds();
         // VPLs that joined from a neighbour stretch the cell.
-        let lo = group.joined.iter().fold(lo, |b, v| b.min(v.position));
-        let hi = group.joined.iter().fold(hi, |b, v| b.max(v.position));
+        let lo = joined.iter().fold(lo, |b, v| b.min(v.position));
+        let hi = joined.iter().fold(hi, |b, v| b.max(v.position));
         let polygon = group.plane.clip_to_box(region(&points)?, lo, hi);
         let center = group.plane.lift(centroid(&polygon));
         let distance = |v: &Vpl| v.position.distance_squared(center);
@@ -320,6 +333,7 @@ mod tests {
                     scatter: Scatter {
                         distance: 1.0,
                         albedo: 0.5,
+                        ..Default::default()
                     },
                 }
             })
@@ -332,7 +346,7 @@ mod tests {
         let (settings, scale) = (SimilaritySettings::default(), FluxScale::new(0.2));
         let groups = Groups::new(cell, corner(cell), &settings);
         assert_eq!(groups.planes.len(), 2);
-        let lights = groups.lights(&scale, &settings);
+        let lights = groups.lights(&Border::default(), &scale, &settings);
         assert_eq!(lights.len(), 3, "one disk in proportion to the ball's flux");
         let (floor, wall, disk) = (&lights[0], &lights[1], &lights[2]);
         assert_eq!((floor.normal, wall.normal), (Vec3::Y, Vec3::X));
@@ -372,8 +386,11 @@ mod tests {
                 lights_per_cell: k,
                 ..Default::default()
             };
-            let lights =
-                Groups::new(cell, vpls.clone(), &settings).lights(&FluxScale::new(0.2), &settings);
+            let lights = Groups::new(cell, vpls.clone(), &settings).lights(
+                &Border::default(),
+                &FluxScale::new(0.2),
+                &settings,
+            );
             assert_eq!(lights.is_empty(), vpls.is_empty());
             assert!(lights.len() <= k.max(1));
             assert!(lights.iter().all(

@@ -46,7 +46,7 @@ pub struct SceneBvh {
 struct Tree {
     bvh: std::sync::Arc<CwBvh>,
     triangles: std::sync::Arc<Vec<Triangle>>,
-    /// Objects of this tree that have moved to a later one; empty if none has.
+    /// Objects of the scene that are not in this tree (any more); those after the last one are not, either.
     masked: Vec<bool>,
 }
 
@@ -78,6 +78,9 @@ const PARAMETERS_PER_METRE: f32 = 1024.0;
 /// in spite of the rounding of the node test.
 const TIE_SLACK: f32 = 1.0 + 4e-6;
 
+/// A second tree with more than this part of the first one's triangles costs rays more than a new tree costs once.
+const OVERLAY_SHARE: usize = 4;
+
 impl SceneBvh {
     /// Builds over all objects. Triangles without area or with non-finite vertices are left out.
     pub fn build(scene: &Scene) -> Self {
@@ -87,17 +90,25 @@ impl SceneBvh {
         }
     }
 
-    /// The tree after `objects` were moved, changed or added in `scene`; indices of other objects must not have changed.
-    /// Costs time proportional to the moved objects' triangles (all objects that ever moved since [`SceneBvh::build`]).
+    /// The tree after `objects` were moved, changed, added or emptied in `scene`; indices of other objects must not have
+    /// changed. Costs time proportional to the triangles of all objects that moved since [`SceneBvh::build`]; once these are
+    /// more than a quarter of the scene, builds anew.
     pub fn moved(&self, scene: &Scene, objects: &[u32]) -> Self {
         let mut base = self.trees[0].clone();
-        base.masked.resize(scene.objects.len(), false);
+        base.masked.resize(scene.objects.len(), true);
         for &object in objects {
-            base.masked[object as usize] = true;
+            // An undone addition is an object that the scene no longer has.
+            if let Some(masked) = base.masked.get_mut(object as usize) {
+                *masked = true;
+            }
         }
         let overlay: Vec<u32> = (0..scene.objects.len() as u32)
             .filter(|&o| base.masked[o as usize])
             .collect();
+        let moved: usize = overlay.iter().map(|&o| scene.mesh(o).triangles.len()).sum();
+        if moved > base.triangles.len() / OVERLAY_SHARE {
+            return Self::build(scene);
+        }
         Self {
             trees: vec![base, Tree::build(scene, &overlay)],
         }
@@ -123,13 +134,14 @@ impl SceneBvh {
             bary: [0.0; 2],
         };
         let (o, d) = (Vec3A::from(origin), Vec3A::from(direction));
+        let inverse = reciprocal(d);
         for (which, tree) in self.trees.iter().enumerate() {
-            let ray = traversal_ray(o, d, best.t);
+            let ray = traversal_ray(o, d, best.t * TIE_SLACK);
             tree.bvh
                 .ray_traverse(ray, &mut RayHit::none(), |ray, slot| {
                     let index = tree.bvh.primitive_indices[slot] as usize;
                     let triangle = &tree.triangles[index];
-                    let Some((t, bary)) = intersect(&triangle.vertices, o, d) else {
+                    let Some((t, bary)) = intersect(&triangle.vertices, o, d, inverse) else {
                         return f32::INFINITY;
                     };
                     let nearer = t < best.t
@@ -172,11 +184,12 @@ impl SceneBvh {
     /// Whether anything blocks the ray before `t_max` metres. `direction` has unit length.
     pub fn occluded(&self, scene: &Scene, origin: Vec3, direction: Vec3, t_max: f32) -> bool {
         let (o, d) = (Vec3A::from(origin), Vec3A::from(direction));
+        let inverse = reciprocal(d);
         self.trees.iter().any(|tree| {
             let ray = traversal_ray(o, d, t_max);
             !tree.bvh.ray_traverse_miss(ray, |_, slot| {
                 let triangle = &tree.triangles[tree.bvh.primitive_indices[slot] as usize];
-                match intersect(&triangle.vertices, o, d) {
+                match intersect(&triangle.vertices, o, d, inverse) {
                     Some((t, bary))
                         if t < t_max && !tree.hidden(triangle) && triangle.stops(scene, bary) =>
                     {
@@ -258,12 +271,14 @@ impl Tree {
         Self {
             bvh: bvh.into(),
             triangles: triangles.into(),
-            masked: Vec::new(),
+            masked: vec![false; scene.objects.len()],
         }
     }
 
     fn hidden(&self, triangle: &Triangle) -> bool {
-        !self.masked.is_empty() && self.masked[triangle.object as usize]
+        self.masked
+            .get(triangle.object as usize)
+            .is_none_or(|&masked| masked)
     }
 }
 
@@ -288,26 +303,43 @@ fn padded_box(vertices: &[Vec3A; 3]) -> Aabb {
 
 fn traversal_ray(origin: Vec3A, direction: Vec3A, t_max: f32) -> Ray {
     let slow = direction / PARAMETERS_PER_METRE;
-    let inverse = |x: f32| {
+    Ray {
+        origin,
+        direction: slow,
+        inv_direction: reciprocal(slow),
+        tmin: 0.0,
+        tmax: t_max * PARAMETERS_PER_METRE,
+    }
+}
+
+/// One over each component; large where that would be infinite, so that no product with it is undefined.
+pub(super) fn reciprocal(direction: Vec3A) -> Vec3A {
+    let one = |x: f32| {
         if x.abs() < 1e-18 {
             1e18f32.copysign(x)
         } else {
             1.0 / x
         }
     };
-    Ray {
-        origin,
-        direction: slow,
-        inv_direction: Vec3A::new(inverse(slow.x), inverse(slow.y), inverse(slow.z)),
-        tmin: 0.0,
-        tmax: t_max * PARAMETERS_PER_METRE,
-    }
+    Vec3A::new(one(direction.x), one(direction.y), one(direction.z))
+}
+
+/// Where a line enters and leaves a box; it misses the box if that is in the wrong order.
+#[inline(always)]
+pub(super) fn slab(min: Vec3A, max: Vec3A, origin: Vec3A, inverse: Vec3A) -> [f32; 2] {
+    let (a, b) = ((min - origin) * inverse, (max - origin) * inverse);
+    [a.min(b).max_element(), a.max(b).min_element()]
 }
 
 /// Distance and weights of a ray's hit. The edge tests are those of Embree's robust mode: an edge that two triangles share gives
 /// exactly opposite values, so no ray slips between them.
 #[inline(always)]
-fn intersect(vertices: &[Vec3A; 3], origin: Vec3A, direction: Vec3A) -> Option<(f32, [f32; 2])> {
+fn intersect(
+    vertices: &[Vec3A; 3],
+    origin: Vec3A,
+    direction: Vec3A,
+    inverse: Vec3A,
+) -> Option<(f32, [f32; 2])> {
     let v0 = vertices[0] - origin;
     let v1 = vertices[1] - origin;
     let v2 = vertices[2] - origin;
@@ -323,8 +355,12 @@ fn intersect(vertices: &[Vec3A; 3], origin: Vec3A, direction: Vec3A) -> Option<(
     }
     let normal = e0.cross(e1);
     let along = normal.dot(direction);
-    let t = v0.dot(normal) / along;
-    if t.is_nan() || t <= 0.0 || t == f32::INFINITY {
+    // In the triangle's plane the quotient means nothing: what is hit lies in the triangle's box.
+    let bounds = padded_box(vertices);
+    let [enter, leave] = slab(bounds.min, bounds.max, origin, inverse);
+    let quotient = v0.dot(normal) / along;
+    let t = quotient.min(leave).max(enter);
+    if !quotient.is_finite() || t <= 0.0 {
         return None;
     }
     let scale = 1.0 / sum;
@@ -358,6 +394,7 @@ pub fn offset(position: Vec3, normal: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Mesh;
     use crate::transport::sampling::{Sequence, sphere};
     use crate::transport::testing::{add_quads, box_quads, cornell, material, quad, room};
     use glam::Affine3A;
@@ -373,8 +410,12 @@ mod tests {
                         .transform
                         .transform_point3a(mesh.positions[v as usize].into())
                 });
-                if let Some((d, _)) = intersect(&vertices, origin.into(), direction.into())
-                    && best.is_none_or(|b| d < b.2)
+                if let Some((d, _)) = intersect(
+                    &vertices,
+                    origin.into(),
+                    direction.into(),
+                    reciprocal(direction.into()),
+                ) && best.is_none_or(|b| d < b.2)
                 {
                     best = Some((o as u32, t as u32, d));
                 }
@@ -431,16 +472,44 @@ mod tests {
     #[test]
     fn moving_objects_leaves_no_trace_of_the_tree() {
         let mut scene = with_ties();
+        let crumbs = (0..20).flat_map(|i| {
+            let at = Vec3::new(0.09 * i as f32 - 0.9, 0.8, -0.5);
+            box_quads(at, at + 0.05, false)
+        });
+        let crumbs: Vec<_> = crumbs.collect();
+        add_quads(&mut scene, &crumbs, material(Vec3::ONE, Vec3::ZERO, false));
         let before = SceneBvh::build(&scene);
         scene.objects[4].transform = Affine3A::from_translation(Vec3::new(0.3, 0.2, 0.5));
         scene.objects[6].transform = Affine3A::from_rotation_x(1.0);
         let moved = before.moved(&scene, &[4]).moved(&scene, &[6]);
-        let built = SceneBvh::build(&scene);
-        assert_eq!(moved.triangles(), built.triangles());
+        assert_eq!(moved.trees.len(), 2);
+        equal(&scene, &moved);
+        // One more, as large as the third, and one gone; then the first edits undone.
+        let copy = scene.objects[6].clone();
+        scene.objects.push(copy);
+        scene.meshes.push(Mesh::default().into());
+        scene.objects[7].mesh = scene.meshes.len() as u32 - 1;
+        let chained = moved.moved(&scene, &[7]);
+        assert_eq!(chained.trees.len(), 2);
+        equal(&scene, &chained);
+        assert_eq!(chained.moved(&scene, &[8]).trees.len(), 1);
+        scene.objects.pop();
+        equal(&scene, &chained.moved(&scene, &[4, 6]));
+        equal(&scene, &before.moved(&scene, &[4, 6, 7]));
+    }
+
+    /// No ray tells the tree from a new one.
+    fn equal(scene: &Scene, bvh: &SceneBvh) {
+        let built = SceneBvh::build(scene);
+        assert_eq!(bvh.triangles(), built.triangles());
         for (o, d) in rays(3000) {
             assert_eq!(
-                moved.closest(&scene, o, d, 9.0),
-                built.closest(&scene, o, d, 9.0)
+                bvh.closest(scene, o, d, 9.0),
+                built.closest(scene, o, d, 9.0)
+            );
+            assert_eq!(
+                bvh.occluded(scene, o, d, 0.7),
+                built.occluded(scene, o, d, 0.7)
             );
         }
     }

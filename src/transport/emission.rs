@@ -205,7 +205,7 @@ impl Emitter {
         let plain = |origin, direction| EmittedRay {
             origin,
             direction,
-            color: self.flux / mean(self.flux),
+            color: color(self.flux),
             normal: Vec3::ZERO,
             triangle: u32::MAX,
         };
@@ -243,13 +243,20 @@ impl Emitter {
                 EmittedRay {
                     origin: offset(a + (b - a) * s + (c - a) * t, normal),
                     direction: cosine_hemisphere(normal, [u2, u3]),
-                    color: piece.radiance / mean(piece.radiance),
+                    color: color(piece.radiance),
                     normal,
                     triangle: piece.triangle,
                 }
             }
         }
     }
+}
+
+/// A colour with a mean of 1, on a grid of 2^-16: a light that is dimmed then keeps its colour bit for bit in spite of
+/// rounding, and with it all of its paths.
+fn color(v: Vec3) -> Vec3 {
+    const GRID: f32 = 65536.0;
+    (v / mean(v) * GRID).round() / GRID
 }
 
 /// Mean over RGB: the scalar that paths, metrics and reports count energy in.

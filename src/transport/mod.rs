@@ -6,11 +6,17 @@ pub mod paths;
 pub mod sampling;
 #[cfg(test)]
 pub(crate) mod testing;
+mod touched;
+pub mod validate;
+#[cfg(test)]
+mod validate_tests;
 
 use glam::Vec3;
 
 pub use bvh::{Hit, SceneBvh};
-pub use paths::{FluxBalance, LightPaths, PathSet, PathSettings, Tracer, trace};
+pub use paths::{
+    Emission, Emitters, FluxBalance, LightPaths, Path, PathSet, PathSettings, Tracer, trace,
+};
 
 /// Which path left a VPL: orders VPLs, and is the same in every scene version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -40,11 +46,33 @@ pub struct Vpl {
     pub scatter: Scatter,
 }
 
-/// What the ray that continues a path found: it feeds the balancing metric (IBGI section 5).
+/// A ray of a path and what it found: feeds the balancing metric (IBGI section 5), and tells after an edit whether the ray
+/// can have changed (section 4.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
+    /// Unit length.
+    pub direction: Vec3,
     /// Metres to the surface that was hit; infinite if the ray left the scene.
     pub distance: f32,
     /// Mean over RGB of that surface's albedo; 0 if the ray left the scene.
     pub albedo: f32,
+    /// The object that was hit; [`Scatter::NOTHING`] if the ray left the scene.
+    pub object: u32,
+}
+
+impl Scatter {
+    /// No object.
+    pub const NOTHING: u32 = u32::MAX;
+}
+
+impl Default for Scatter {
+    /// A ray that left the scene.
+    fn default() -> Self {
+        Self {
+            direction: Vec3::Z,
+            distance: f32::INFINITY,
+            albedo: 0.0,
+            object: Self::NOTHING,
+        }
+    }
 }

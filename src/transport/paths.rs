@@ -1,7 +1,9 @@
 //! Quasi-Monte Carlo light paths (IBGI section 3.3; Keller 1997): each is a pure function of the scene, its light and its index.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
+use arrayvec::ArrayVec;
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -44,6 +46,12 @@ impl PathSettings {
             seed: 0,
         }
     }
+
+    /// How many paths a light sends: `round(flux / flux_per_path)`.
+    pub fn paths_of(&self, emitter: &Emitter) -> u32 {
+        let flux = f64::from(mean(emitter.flux));
+        (flux / self.flux_per_path).round().clamp(0.0, 1e9) as u32
+    }
 }
 
 /// All paths of a scene, light by light.
@@ -58,13 +66,18 @@ pub struct PathSet {
 pub struct LightPaths {
     /// The light's exact radiant flux in lumens, linear RGB.
     pub flux: Vec3,
-    /// One per path.
-    pub emissions: Vec<Emission>,
-    /// All VPLs in key order.
-    pub vpls: Vec<Vpl>,
-    /// Path `i` left `vpls[offsets[i]..offsets[i + 1]]`; one more entry than paths.
-    pub offsets: Vec<u32>,
-    /// Where the energy went.
+    /// Each for itself, so that one can be replaced.
+    pub paths: Vec<Path>,
+}
+
+/// A path: its rays are the emission's and one from each VPL.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    /// Its start.
+    pub emission: Emission,
+    /// In the order of their bounces.
+    pub vpls: Box<[Vpl]>,
+    /// Where its energy went.
     pub balance: FluxBalance,
 }
 
@@ -77,7 +90,9 @@ pub struct Emission {
     pub normal: Vec3,
     /// The emitting triangle of a surface light; `u32::MAX` for other lights.
     pub triangle: u32,
-    /// What the first ray met: feeds the metric of the aperture's tree, as a VPL's scatter feeds the octree's.
+    /// Linear RGB with a mean of 1: times the flux per path, the path's energy.
+    pub color: Vec3,
+    /// The first ray: feeds the metric of the aperture's tree, as a VPL's scatter feeds the octree's.
     pub scatter: Scatter,
 }
 
@@ -125,26 +140,39 @@ impl FluxBalance {
 impl PathSet {
     /// All VPLs in key order.
     pub fn vpls(&self) -> impl Iterator<Item = &Vpl> {
-        self.lights.values().flat_map(|l| &l.vpls)
+        self.lights.values().flat_map(|l| l.vpls())
     }
 
     /// Number of paths.
     pub fn paths(&self) -> usize {
-        self.lights.values().map(|l| l.emissions.len()).sum()
+        self.lights.values().map(|l| l.paths.len()).sum()
     }
 
     /// The balance over all lights.
     pub fn balance(&self) -> FluxBalance {
         let mut total = FluxBalance::default();
-        self.lights.values().for_each(|l| total.add(&l.balance));
+        let paths = self.lights.values().flat_map(|l| &l.paths);
+        paths.for_each(|p| total.add(&p.balance));
         total
     }
 }
 
 impl LightPaths {
-    /// The VPLs of one path.
-    pub fn path(&self, index: usize) -> &[Vpl] {
-        &self.vpls[self.offsets[index] as usize..self.offsets[index + 1] as usize]
+    /// All VPLs in key order.
+    pub fn vpls(&self) -> impl Iterator<Item = &Vpl> {
+        self.paths.iter().flat_map(|p| &p.vpls)
+    }
+}
+
+impl Path {
+    /// Its rays with their exact origins, in order; ray 0 leaves the light, ray `i` VPL `i - 1`.
+    pub fn rays(&self) -> impl Iterator<Item = (Vec3, &Scatter)> {
+        let first = (self.emission.position, &self.emission.scatter);
+        std::iter::once(first).chain(
+            self.vpls
+                .iter()
+                .map(|v| (offset(v.position, v.normal), &v.scatter)),
+        )
     }
 }
 
@@ -167,13 +195,16 @@ pub fn trace(scene: &Scene, bvh: &SceneBvh, settings: &PathSettings) -> PathSet 
     }
 }
 
+/// The light sources of a scene by [`crate::scene::Light::id`].
+pub type Emitters = BTreeMap<u32, Arc<Emitter>>;
+
 /// Traces single paths again and again, as incremental updates need. Lights are named by [`crate::scene::Light::id`], and
 /// must be in the scene.
 pub struct Tracer<'a> {
     scene: &'a Scene,
     bvh: &'a SceneBvh,
     settings: PathSettings,
-    emitters: BTreeMap<u32, Emitter>,
+    emitters: Emitters,
 }
 
 const CHUNK: u32 = 1024;
@@ -181,6 +212,18 @@ const CHUNK: u32 = 1024;
 impl<'a> Tracer<'a> {
     /// Prepares the lights.
     pub fn new(scene: &'a Scene, bvh: &'a SceneBvh, settings: &PathSettings) -> Self {
+        let ids = scene.lights.iter().map(|l| l.id());
+        let emitters = ids.zip(emitters(scene).into_iter().map(Arc::new)).collect();
+        Self::with_emitters(scene, bvh, settings, emitters)
+    }
+
+    /// Lights prepared before.
+    pub fn with_emitters(
+        scene: &'a Scene,
+        bvh: &'a SceneBvh,
+        settings: &PathSettings,
+        emitters: Emitters,
+    ) -> Self {
         let settings = PathSettings {
             max_bounces: settings.max_bounces.min(MAX_BOUNCES),
             ..*settings
@@ -189,123 +232,128 @@ impl<'a> Tracer<'a> {
             scene,
             bvh,
             settings,
-            emitters: scene
-                .lights
-                .iter()
-                .map(|l| l.id())
-                .zip(emitters(scene))
-                .collect(),
+            emitters,
         }
     }
 
-    /// The light sources, by their lights.
-    pub fn emitters(&self) -> &BTreeMap<u32, Emitter> {
+    /// The light sources.
+    pub fn emitters(&self) -> &Emitters {
         &self.emitters
     }
 
     /// How many paths a light sends.
     pub fn paths_of(&self, light: u32) -> u32 {
-        let flux = f64::from(mean(self.emitters[&light].flux));
-        (flux / self.settings.flux_per_path).round().clamp(0.0, 1e9) as u32
+        self.settings.paths_of(&self.emitters[&light])
     }
 
     /// All paths of a light.
     pub fn light(&self, light: u32) -> LightPaths {
         let count = self.paths_of(light);
-        let chunks: Vec<LightPaths> = (0..count.div_ceil(CHUNK))
+        let chunks: Vec<Vec<Path>> = (0..count.div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
-                let mut paths = LightPaths::default();
-                for index in chunk * CHUNK..count.min((chunk + 1) * CHUNK) {
-                    let emission = self.path(light, index, &mut paths.vpls, &mut paths.balance);
-                    paths.emissions.push(emission);
-                    paths.offsets.push(paths.vpls.len() as u32);
-                }
-                paths
+                (chunk * CHUNK..count.min((chunk + 1) * CHUNK))
+                    .map(|index| self.path(light, index))
+                    .collect()
             })
             .collect();
-        let mut all = LightPaths {
+        LightPaths {
             flux: self.emitters[&light].flux,
-            offsets: vec![0],
-            ..Default::default()
-        };
-        all.vpls
-            .reserve_exact(chunks.iter().map(|c| c.vpls.len()).sum());
-        for chunk in chunks {
-            let base = all.vpls.len() as u32;
-            all.offsets.extend(chunk.offsets.iter().map(|o| base + o));
-            all.vpls.extend(chunk.vpls);
-            all.emissions.extend(chunk.emissions);
-            all.balance.add(&chunk.balance);
+            paths: chunks.into_iter().flatten().collect(),
         }
-        all
     }
 
-    /// The ray that starts a path.
-    pub fn emit(&self, light: u32, path: u32) -> EmittedRay {
-        self.emitters[&light].emit(&Sequence::new(self.settings.seed, light), path)
-    }
-
-    /// Traces one path, appends its VPLs and adds to the balance.
-    pub fn path(
-        &self,
-        light: u32,
-        path: u32,
-        vpls: &mut Vec<Vpl>,
-        balance: &mut FluxBalance,
-    ) -> Emission {
+    /// Traces one path.
+    pub fn path(&self, light: u32, path: u32) -> Path {
         let sequence = Sequence::new(self.settings.seed, light);
         let ray = self.emitters[&light].emit(&sequence, path);
-        let full = ray.color * self.settings.flux_per_path as f32;
-        let mut energy = full;
-        let mut next = self.meet(ray.origin, ray.direction);
-        let emission = Emission {
-            position: ray.origin,
-            normal: ray.normal,
-            triangle: ray.triangle,
-            scatter: next.scatter(),
-        };
-        balance.sent += lumens(energy);
-        if next.hit.is_some() {
-            balance.first_hit += lumens(energy);
+        let first = self.meet(ray.origin, ray.direction);
+        let emission = ray.emission(first.scatter);
+        self.follow(&sequence, emission, (light, path), &[], first.hit)
+    }
+
+    /// Traces a path again whose rays before number `first` have not changed: these and their VPLs are taken over, so the
+    /// result is [`Self::path`]'s, but sooner. The path must have that many rays.
+    pub fn path_from(&self, light: u32, path: u32, old: &Path, first: usize) -> Path {
+        if first == 0 {
+            return self.path(light, path);
         }
+        let sequence = Sequence::new(self.settings.seed, light);
+        self.follow(
+            &sequence,
+            old.emission,
+            (light, path),
+            &old.vpls[..first],
+            None,
+        )
+    }
+
+    /// Goes on after `kept` VPLs, the scatter of the last one being traced again, or from what the emission hit.
+    fn follow(
+        &self,
+        sequence: &Sequence,
+        emission: Emission,
+        (light, path): (u32, u32),
+        kept: &[Vpl],
+        mut hit: Option<(Hit, Vec3)>,
+    ) -> Path {
+        let max_bounces = self.settings.max_bounces;
+        let full = emission.color * self.settings.flux_per_path as f32;
+        let mut energy = full;
+        let mut balance = FluxBalance {
+            sent: lumens(energy),
+            ..Default::default()
+        };
+        if emission.scatter.object != Scatter::NOTHING {
+            balance.first_hit = balance.sent;
+        }
+        let mut vpls: ArrayVec<Vpl, { MAX_BOUNCES as usize }> = ArrayVec::new();
         for bounce in 0.. {
-            let Some(hit) = next.hit else {
-                balance.escaped += lumens(energy);
-                break;
+            let mut vpl = match (kept.get(bounce as usize), hit) {
+                (Some(vpl), _) => *vpl,
+                (None, None) => {
+                    balance.escaped += lumens(energy);
+                    break;
+                }
+                (None, Some(_)) if bounce >= max_bounces => {
+                    balance.lost_at_cap += lumens(energy);
+                    break;
+                }
+                (None, Some((hit, albedo))) => Vpl {
+                    key: VplKey {
+                        light,
+                        path,
+                        bounce,
+                    },
+                    position: hit.position,
+                    normal: if hit.front { hit.normal } else { -hit.normal },
+                    flux: energy * albedo,
+                    object: hit.object,
+                    scatter: Scatter::default(),
+                },
             };
-            if bounce >= self.settings.max_bounces {
-                balance.lost_at_cap += lumens(energy);
-                break;
-            }
-            let flux = energy * next.albedo;
+            let flux = vpl.flux;
             balance.absorbed += lumens(energy) - lumens(flux);
             if flux.max_element() <= 0.0 {
                 break;
             }
             balance.reflected += lumens(flux);
-            let [u, v, roulette, _] = sequence.sample(path, EMISSION_SETS + bounce);
-            let normal = if hit.front { hit.normal } else { -hit.normal };
-            next = self.meet(
-                offset(hit.position, normal),
-                cosine_hemisphere(normal, [u, v]),
-            );
-            vpls.push(Vpl {
-                key: VplKey {
-                    light,
-                    path,
-                    bounce,
-                },
-                position: hit.position,
-                normal,
-                flux,
-                object: hit.object,
-                scatter: next.scatter(),
-            });
+            let survival = (flux.max_element() / full.max_element()).min(1.0);
+            let known = bounce as usize + 1 < kept.len();
+            let mut ended = false;
+            if !known {
+                let [u, v, roulette, _] = sequence.sample(path, EMISSION_SETS + bounce);
+                let met = self.meet(
+                    offset(vpl.position, vpl.normal),
+                    cosine_hemisphere(vpl.normal, [u, v]),
+                );
+                (vpl.scatter, hit) = (met.scatter, met.hit);
+                ended = roulette >= survival;
+            }
+            vpls.push(vpl);
             energy = flux;
-            if next.hit.is_some() && bounce + 1 < self.settings.max_bounces {
-                let survival = (flux.max_element() / full.max_element()).min(1.0);
-                if roulette >= survival {
+            if (known || hit.is_some()) && bounce + 1 < max_bounces {
+                if ended {
                     balance.ended += lumens(energy);
                     break;
                 }
@@ -313,7 +361,11 @@ impl<'a> Tracer<'a> {
                 balance.gained += lumens(energy) - lumens(flux);
             }
         }
-        emission
+        Path {
+            emission,
+            vpls: vpls.as_slice().into(),
+            balance,
+        }
     }
 
     fn meet(&self, origin: Vec3, direction: Vec3) -> Met {
@@ -326,21 +378,33 @@ impl<'a> Tracer<'a> {
             }
             _ => Vec3::ZERO,
         };
-        Met { hit, albedo }
+        Met {
+            hit: hit.map(|h| (h, albedo)),
+            scatter: Scatter {
+                direction,
+                distance: hit.map_or(f32::INFINITY, |h| h.t),
+                albedo: mean(albedo),
+                object: hit.map_or(Scatter::NOTHING, |h| h.object),
+            },
+        }
     }
 }
 
-/// What a ray met, and the albedo of the side it met (0 for the back of a single-sided surface).
+/// What a ray met: the hit with the albedo of the side it met (0 for the back of a single-sided surface).
 struct Met {
-    hit: Option<Hit>,
-    albedo: Vec3,
+    hit: Option<(Hit, Vec3)>,
+    scatter: Scatter,
 }
 
-impl Met {
-    fn scatter(&self) -> Scatter {
-        Scatter {
-            distance: self.hit.map_or(f32::INFINITY, |h| h.t),
-            albedo: mean(self.albedo),
+impl EmittedRay {
+    /// The start of a path, whose ray is given.
+    pub fn emission(&self, scatter: Scatter) -> Emission {
+        Emission {
+            position: self.origin,
+            normal: self.normal,
+            triangle: self.triangle,
+            color: self.color,
+            scatter,
         }
     }
 }
@@ -417,13 +481,9 @@ mod tests {
         let half = trace(&dimmed, &bvh, &settings);
         let n = half.paths();
         assert_eq!(n, 1500);
-        assert_eq!(
-            half.lights[&11].vpls,
-            all.lights[&11].vpls[..all.lights[&11].offsets[n] as usize]
-        );
-        assert_eq!(half.lights[&11].emissions, all.lights[&11].emissions[..n]);
-        for (i, path) in (0..n).map(|i| (i, half.lights[&11].path(i))) {
-            for (b, vpl) in path.iter().enumerate() {
+        assert_eq!(half.lights[&11].paths, all.lights[&11].paths[..n]);
+        for (i, path) in half.lights[&11].paths.iter().enumerate() {
+            for (b, vpl) in path.vpls.iter().enumerate() {
                 assert_eq!((vpl.key.path as usize, vpl.key.bounce as usize), (i, b));
             }
         }
@@ -434,5 +494,37 @@ mod tests {
             all.vpls()
                 .all(|v| v.position.abs().max_element() < 1.001 && v.object != 5)
         );
+    }
+
+    #[test]
+    fn a_path_goes_on_from_any_of_its_rays() {
+        let scene = cornell();
+        let bvh = SceneBvh::build(&scene);
+        let settings = PathSettings {
+            max_bounces: 5,
+            ..PathSettings::for_paths(&scene, 500)
+        };
+        let tracer = Tracer::new(&scene, &bvh, &settings);
+        let mut longest = 0;
+        for (i, path) in trace(&scene, &bvh, &settings).lights[&11]
+            .paths
+            .iter()
+            .enumerate()
+        {
+            for first in 0..path.rays().count() {
+                assert_eq!(tracer.path_from(11, i as u32, path, first), *path);
+            }
+            for (ray, (origin, scatter)) in path.rays().enumerate() {
+                let end = path.vpls.get(ray).map(|v| v.position);
+                let met = origin + scatter.direction * scatter.distance;
+                assert!(end.is_none_or(|e| e.distance(met) < 1e-3));
+                assert_eq!(
+                    scatter.object == Scatter::NOTHING,
+                    scatter.distance == f32::INFINITY
+                );
+            }
+            longest = longest.max(path.vpls.len());
+        }
+        assert_eq!(longest, 5);
     }
 }

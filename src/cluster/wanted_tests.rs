@@ -1,0 +1,125 @@
+//! Tests of the wanted cells: after any changes they are what is made from nothing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use proptest::prelude::*;
+
+use super::border::join;
+use super::similarity::Groups;
+use super::{Budget, Cell, CellId, Clusters, Selected, SimilaritySettings, Wanted};
+use crate::scene::Scene;
+use crate::transport::bvh::SceneBvh;
+use crate::transport::paths::{PathSettings, trace};
+use crate::transport::testing::cornell;
+use crate::transport::validate::Differences;
+use crate::transport::{PathSet, Vpl};
+
+fn traced(paths: u32) -> (Scene, PathSet, PathSettings) {
+    let scene = cornell();
+    let settings = PathSettings::for_paths(&scene, paths);
+    let set = trace(&scene, &SceneBvh::build(&scene), &settings);
+    (scene, set, settings)
+}
+
+fn from_nothing(clusters: &Clusters, budget: Budget) -> BTreeMap<CellId, Arc<Selected>> {
+    let selected = clusters.virtual_lights(&clusters.select(budget));
+    selected
+        .into_iter()
+        .map(|s| (s.cell, Arc::new(s)))
+        .collect()
+}
+
+/// Both sides of every join have the same fingerprint.
+fn check_joins(cells: &BTreeMap<CellId, Arc<Selected>>) -> usize {
+    let mut joins = 0;
+    for (id, selected) in cells {
+        for (other, fingerprint) in &selected.joins {
+            assert!(cells[other].joins.contains(&(*id, *fingerprint)));
+            joins += 1;
+        }
+    }
+    joins
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn wanted_is_what_is_made_from_nothing(
+        changes in prop::collection::vec((any::<u64>(), 0usize..4, 5usize..400), 1..8)
+    ) {
+        let (scene, set, settings) = traced(1500);
+        let mut clusters = Clusters::new(&scene, &set, &settings, SimilaritySettings::default());
+        let mut wanted = Wanted::new();
+        let mut known = BTreeMap::new();
+        let mut out: BTreeMap<_, Vpl> = BTreeMap::new();
+        for (seed, kind, cells) in changes {
+            let pick = |v: &&Vpl| {
+                let place = v.position.x.to_bits() as u64;
+                let mixed = (u64::from(v.key.path) << 8 | u64::from(v.key.bounce)) ^ seed;
+                match kind {
+                    // Everything on one side, some of all, and none.
+                    0 => v.position.x > (seed % 19) as f32 * 0.1 - 0.9,
+                    1 => mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 60 == 3,
+                    2 => place % 100 == seed % 100,
+                    _ => false,
+                }
+            };
+            let (back, gone): (Vec<Vpl>, Vec<Vpl>) =
+                set.vpls().filter(pick).partition(|v| out.contains_key(&v.key));
+            let differences = Differences {
+                added: back.clone(),
+                removed: gone.clone(),
+                ..Default::default()
+            };
+            clusters.apply(&scene, &set, &differences);
+            back.iter().for_each(|v| { out.remove(&v.key); });
+            out.extend(gone.iter().map(|v| (v.key, *v)));
+            for budget in [Budget::Cells(cells), Budget::Auto { error: 1.0 / (cells * cells) as f64 }] {
+                let changed = wanted.update(&clusters, budget);
+                let expected = from_nothing(&clusters, budget);
+                prop_assert_eq!(wanted.cells(), &expected);
+                let ids: BTreeSet<CellId> = known.keys().chain(expected.keys()).copied().collect();
+                let differ = ids.into_iter().filter(|c| known.get(c) != expected.get(c));
+                prop_assert_eq!(changed, differ.collect::<BTreeSet<_>>());
+                known = expected;
+                check_joins(&known);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_crosses_a_border_depends_on_the_cells_beside_it_alone() {
+    let (scene, set, settings) = traced(6000);
+    let similarity = SimilaritySettings::default();
+    let clusters = Clusters::new(&scene, &set, &settings, similarity);
+    let cells: Vec<(Cell, Groups)> = clusters
+        .select(Budget::Cells(150))
+        .cells
+        .into_iter()
+        .filter_map(|id| match id {
+            CellId::Octree(cell) => {
+                let vpls = clusters.octree.node(&cell)?.vpls();
+                Some((cell, Groups::new(cell, vpls, &similarity)))
+            }
+            CellId::Aperture { .. } => None,
+        })
+        .collect();
+    let all = join(cells.clone(), &similarity);
+    // Cells that share a face, by their bounds.
+    let beside = |a: &Cell, b: &Cell| {
+        let ([a0, a1], [b0, b1]) = (a.bounds(), b.bounds());
+        let apart = (b0 - a1).max(a0 - b1).to_array();
+        apart.iter().filter(|d| **d < -1e-4).count() == 2 && apart.iter().all(|d| *d < 1e-4)
+    };
+    for cell in all.keys() {
+        let near = |(c, _): &&(Cell, Groups)| c == cell || beside(c, cell);
+        let alone = join(cells.iter().filter(near).cloned().collect(), &similarity);
+        assert_eq!(alone[cell].1, all[cell].1);
+    }
+    let crossed: usize = all.values().map(|(_, b)| b.left().len()).sum();
+    assert!(crossed > 20, "{crossed}");
+    let clusters = from_nothing(&clusters, Budget::Cells(150));
+    assert!(check_joins(&clusters) > 10);
+}
