@@ -98,13 +98,16 @@ pub fn strays(groups: &Groups) -> Vec<Stray> {
     groups.rest.iter().filter_map(stray).collect()
 }
 
+/// VPLs of one cell that join planes of another: index in the first, number of the plane in the second.
+pub type Crossed = Vec<(u32, u32)>;
+
 /// Which strays of a cell go to another selected cell, and to which of its planes: those in whose plane it has a polygon.
 pub fn crossing(
     from: &Groups,
     strays: &[Stray],
     to: &Groups,
     settings: &SimilaritySettings,
-) -> Vec<(u32, u32)> {
+) -> Crossed {
     let size = to.cell.size();
     let places = to.cell.places();
     strays
@@ -125,7 +128,7 @@ pub fn join(
 ) -> BTreeMap<Cell, (Groups, Border)> {
     let groups: BTreeMap<Cell, Groups> = groups.into_iter().collect();
     let cells: Vec<&Groups> = groups.values().collect();
-    let moves: Vec<(Cell, Cell, Vec<(u32, u32)>)> = cells
+    let moves: Vec<(Cell, Cell, Crossed)> = cells
         .par_iter()
         .flat_map_iter(|from| {
             let mut beyond: BTreeMap<Cell, Vec<Stray>> = BTreeMap::new();
