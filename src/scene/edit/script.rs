@@ -223,7 +223,7 @@ mod tests {
         }
         let nested = "[".repeat(100_000) + &"]".repeat(100_000);
         let deep = format!(r#"{{"do": "copy", "node": {nested}}}"#);
-        assert!(refusal(&deep).contains("a name in quotes or an index"));
+        assert!(refusal(&deep).contains("recursion limit"));
         assert!(refusal(&format!(r#"{{"do": "{}"}}"#, "x\\n".repeat(100_000))).len() < 400);
     }
 }
