@@ -63,31 +63,60 @@ struct Push {
 /// # Errors
 /// The device's own, and [`GpuError::OutOfMemory`] for a scene past 2^30 triangles or pages past 32,768 texels.
 pub fn rasterize(gpu: &Gpu, atlas: &Atlas) -> Result<Claims> {
-    let start = Instant::now();
-    let first_triangle = number_triangles(atlas)?;
+    let all: Vec<u32> = (0..atlas.objects.len() as u32).collect();
+    let mut claims = rasterize_objects(gpu, atlas, &all)?;
     let pixels = (atlas.page_size as usize).pow(2);
+    for page in &mut claims.pages {
+        page.resize(pixels, Claims::NONE);
+    }
+    Ok(claims)
+}
+
+/// As [`rasterize`], for some objects alone. Pages without any of them are left empty.
+///
+/// # Errors
+/// As for [`rasterize`].
+pub fn rasterize_objects(gpu: &Gpu, atlas: &Atlas, objects: &[u32]) -> Result<Claims> {
+    let start = Instant::now();
+    let first_triangle = number_triangles(atlas, objects)?;
+    let side = atlas.page_size as usize;
     let passes = Passes::new(gpu)?;
-    let claims = gpu.buffer("texel claims", 4 * pixels as u64, Memory::Device)?;
-    let mut pages = Vec::new();
-    for page in 0..atlas.pages {
+    let buffer = gpu.buffer("texel claims", 4 * (side * side) as u64, Memory::Device)?;
+    let mut pages = vec![Vec::new(); atlas.pages as usize];
+    for (page, claims) in pages.iter_mut().enumerate() {
+        let own = || {
+            let objects = objects.iter().map(|o| *o as usize);
+            objects
+                .map(|o| (o, &atlas.objects[o]))
+                .filter(|(_, layout)| {
+                    layout.page as usize == page && !layout.layout.triangles.is_empty()
+                })
+        };
+        // Only the rows of the objects' rectangles are cleared and read back.
+        let first = own().map(|(_, o)| o.origin.y as usize).min().unwrap_or(0);
+        let last = own().map(|(_, o)| (o.origin.y + o.size.y) as usize).max();
+        let Some(last) = last.map(|last| last.min(side)).filter(|last| first < *last) else {
+            continue;
+        };
+        let rows = first * side..last * side;
         let mut cmd = gpu.commands()?;
-        cmd.fill(&claims, 0, claims.size(), Claims::NONE);
+        let bytes = 4 * rows.len() as u64;
+        cmd.fill(&buffer, 4 * rows.start as u64, bytes, Claims::NONE);
         cmd.submit()?.wait()?;
         let mut work = Work::default();
-        for (object, layout) in atlas.objects.iter().enumerate() {
-            if layout.page != page {
-                continue;
-            }
+        for (object, layout) in own() {
             for (i, triangle) in layout.layout.triangles.iter().enumerate() {
                 let uv = triangle.map(|vertex| layout.layout.vertices[vertex as usize].uv);
                 work.push(grid_triangle(uv, layout, first_triangle[object] + i as u32));
                 if work.is_full() {
-                    passes.run(gpu, &std::mem::take(&mut work), &claims, atlas.page_size)?;
+                    passes.run(gpu, &std::mem::take(&mut work), &buffer, atlas.page_size)?;
                 }
             }
         }
-        passes.run(gpu, &work, &claims, atlas.page_size)?;
-        pages.push(claims.read::<u32>(0..pixels)?);
+        passes.run(gpu, &work, &buffer, atlas.page_size)?;
+        claims.resize(rows.start, Claims::NONE);
+        claims.extend(buffer.read::<u32>(rows)?);
+        claims.resize(side * side, Claims::NONE);
     }
     let mut statistics = count(&pages, first_triangle[atlas.objects.len()]);
     statistics.ms = start.elapsed().as_secs_f64() * 1e3;
@@ -98,12 +127,16 @@ pub fn rasterize(gpu: &Gpu, atlas: &Atlas) -> Result<Claims> {
     })
 }
 
-/// Running count of triangles over the objects.
-fn number_triangles(atlas: &Atlas) -> Result<Vec<u32>> {
+/// Running count of triangles over the objects, those of `objects` alone.
+fn number_triangles(atlas: &Atlas, objects: &[u32]) -> Result<Vec<u32>> {
+    let mut counts = vec![0; atlas.objects.len()];
+    for &object in objects {
+        counts[object as usize] = atlas.objects[object as usize].layout.triangles.len();
+    }
     let mut total = 0u64;
     let mut first = vec![0];
-    for object in &atlas.objects {
-        total += object.layout.triangles.len() as u64;
+    for count in counts {
+        total += count as u64;
         first.push(total.min(MAX_TRIANGLES) as u32);
     }
     let too_much = |name: &str, bytes, reason: String| GpuError::OutOfMemory {

@@ -144,7 +144,11 @@ impl Atlas {
         let objects = scene
             .objects
             .par_iter()
-            .map(|object| {
+            .enumerate()
+            .map(|(i, object)| {
+                if scene.is_gone(i as u32) {
+                    return Ok(ObjectAtlas::nowhere());
+                }
                 let fail = |reason: String| LightmapError::Repeat {
                     object: object.name.clone(),
                     reason,
@@ -186,23 +190,25 @@ impl Atlas {
         })
     }
 
-    /// Every object's rectangle, for `bake.json` and for [`Atlas::from_settings`].
+    /// The rectangle of every object that is shown, for `bake.json` and for [`Atlas::from_settings`].
     pub fn placements(&self, scene: &Scene) -> Vec<Placement> {
-        let placement = |(object, place): (&crate::scene::Object, &ObjectAtlas)| Placement {
-            name: object.name.clone(),
-            node: object.node,
-            page: place.page,
-            x: place.origin.x,
-            y: place.origin.y,
-            width: place.size.x,
-            height: place.size.y,
-            source: place.source,
+        let placement = |(i, place): (usize, &ObjectAtlas)| {
+            let object = scene.objects.get(i).filter(|_| !scene.is_gone(i as u32))?;
+            Some(Placement {
+                name: object.name.clone(),
+                node: object.node,
+                page: place.page,
+                x: place.origin.x,
+                y: place.origin.y,
+                width: place.size.x,
+                height: place.size.y,
+                source: place.source,
+            })
         };
-        scene
-            .objects
+        self.objects
             .iter()
-            .zip(&self.objects)
-            .map(placement)
+            .enumerate()
+            .filter_map(placement)
             .collect()
     }
 }
@@ -372,7 +378,7 @@ fn pack(
 }
 
 /// A texel's index must stay below [`super::Texel::NONE`].
-fn address(pages: usize, page_size: u32) -> Result<(u32, u32), LightmapError> {
+pub(super) fn address(pages: usize, page_size: u32) -> Result<(u32, u32), LightmapError> {
     if pages as u64 * u64::from(page_size).pow(2) >= u64::from(super::Texel::NONE) {
         return Err(LightmapError::TooManyPages { pages, page_size });
     }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::raw::{Attribute, Writer, list, number, push};
 use super::{Atlas, ObjectAtlas};
-use crate::scene::{Document, EncodedImage, ImageData, Primitive, Scene};
+use crate::scene::{Document, EncodedImage, ImageData, Object, Primitive, Scene};
 
 /// The name of page `page`'s file.
 pub fn page_file(page: u32) -> String {
@@ -28,11 +28,16 @@ pub fn lit_document(document: &Document, scene: &Scene, atlas: &Atlas) -> Docume
         made: BTreeMap::new(),
         taken: BTreeSet::new(),
     };
-    let shown: BTreeSet<usize> = scene.objects.iter().map(|o| o.node as usize).collect();
-    let replaced: BTreeSet<(u32, u32)> = scene
-        .objects
+    // What an edit removed is left as it is, out of the scene.
+    let lit_objects: Vec<(&Object, &ObjectAtlas)> = (0..)
+        .zip(scene.objects.iter().zip(&atlas.objects))
+        .filter(|(i, _)| !scene.is_gone(*i))
+        .map(|(_, object)| object)
+        .collect();
+    let shown: BTreeSet<usize> = lit_objects.iter().map(|(o, _)| o.node as usize).collect();
+    let replaced: BTreeSet<(u32, u32)> = lit_objects
         .iter()
-        .flat_map(|object| {
+        .flat_map(|(object, _)| {
             let mesh = &scene.meshes[object.mesh as usize];
             mesh.primitives.iter().map(|p| (mesh.source, p.source))
         })
@@ -42,7 +47,7 @@ pub fn lit_document(document: &Document, scene: &Scene, atlas: &Atlas) -> Docume
     let dead = unused_after(document, &shown, &replaced, &users);
     let mut writer = Writer::new(&mut lit, &dead);
     let mut meshes: Vec<(usize, Option<usize>, Value)> = Vec::new();
-    for (object, place) in scene.objects.iter().zip(&atlas.objects) {
+    for (object, place) in lit_objects {
         let mesh = &scene.meshes[object.mesh as usize];
         let source = mesh.source as usize;
         let mut element = list(&document.json, "meshes")[source].clone();

@@ -9,6 +9,7 @@ mod error;
 pub mod export;
 pub mod exr;
 mod glb;
+mod grow;
 pub mod preview;
 mod raster;
 mod raw;
@@ -44,7 +45,7 @@ pub struct Atlas {
     pub pages: u32,
     /// Texels per metre that was asked for.
     pub density: f32,
-    /// One per [`crate::scene::Scene::objects`].
+    /// One per [`crate::scene::Scene::objects`]; without size for those that have no surface.
     pub objects: Vec<ObjectAtlas>,
 }
 

@@ -37,13 +37,20 @@ pub(super) struct Laid {
     pub source: UvSource,
 }
 
-/// Groups the objects, in the order of each group's first.
+/// Groups all objects, in the order of each group's first.
 pub(super) fn shapes(scene: &Scene) -> Result<Vec<Shape>, LightmapError> {
+    let all: Vec<u32> = (0..scene.objects.len() as u32).collect();
+    shapes_among(scene, &all)
+}
+
+/// Groups some objects, in the order of each group's first.
+pub(super) fn shapes_among(scene: &Scene, objects: &[u32]) -> Result<Vec<Shape>, LightmapError> {
     let mut groups: BTreeMap<(u32, [u32; 9]), Vec<u32>> = BTreeMap::new();
-    for (i, object) in scene.objects.iter().enumerate() {
+    for &i in objects {
+        let object = &scene.objects[i as usize];
         let scale = canonical_scale(object.transform.matrix3.into());
         let key = (object.mesh, scale.to_cols_array().map(f32::to_bits));
-        groups.entry(key).or_default().push(i as u32);
+        groups.entry(key).or_default().push(i);
     }
     let mut shapes = groups
         .into_par_iter()
@@ -76,7 +83,7 @@ pub(super) fn shapes(scene: &Scene) -> Result<Vec<Shape>, LightmapError> {
 
 /// The scale and shear of a transform without its rotation and mirroring: the upper triangular R with RᵀR = MᵀM, rounded to
 /// one part in 4096, so that instances at one scale compare equal however they are turned.
-fn canonical_scale(matrix: Mat3) -> Mat3 {
+pub(super) fn canonical_scale(matrix: Mat3) -> Mat3 {
     let m: DMat3 = matrix.as_dmat3();
     let gram = m.transpose() * m;
     let mean = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;

@@ -15,7 +15,7 @@ const INSET: f64 = 1.0 / 64.0;
 /// Which triangle owns which texel, as `bake::uv_raster` finds it (VPL13 section 4).
 #[derive(Clone, Debug, Default)]
 pub struct Claims {
-    /// Per page, `page_size²` claims, top row first: [`Claims::NONE`], or the triangle in the low 30 bits and above them
+    /// Per page, `page_size²` claims (or nothing, where no object was asked for), top row first: [`Claims::NONE`], or the triangle in the low 30 bits and above them
     /// how it claims: 0 it covers the centre, 1 an edge crosses the texel, 2 an edge passes within reach, 3 a vertex does.
     pub pages: Vec<Vec<u32>>,
     /// The number of each object's first triangle, counted over all objects in order; the total follows.
@@ -58,7 +58,7 @@ pub struct Texels {
     /// By object, then chart, then Morton code of (x, y); each object's last tile is filled up with copies of its last
     /// texel whose `pixel` is [`Texel::NONE`].
     pub list: Vec<Texel>,
-    /// Per object, its tiles of [`Texel::TILE`] entries of the list.
+    /// Per object, its tiles of [`Texel::TILE`] entries of the list; those of an object that is gone stay.
     pub tiles: Vec<Range<u32>>,
     /// Entries that are no fillers.
     pub count: u32,
@@ -83,29 +83,56 @@ impl Texels {
     /// inverse transpose, that is the cofactor matrix times the determinant's *sign*: the cofactor matrix alone
     /// would turn the normals of a mirrored object to its back.
     pub fn build(scene: &Scene, atlas: &Atlas, claims: &Claims) -> Self {
-        let per_object: Vec<Vec<Claimed>> = (0..atlas.objects.len())
-            .into_par_iter()
-            .map(|object| {
+        let mut texels = Self::default();
+        let all: Vec<u32> = (0..atlas.objects.len() as u32).collect();
+        texels.extend(scene, atlas, claims, &all);
+        texels
+    }
+
+    /// Appends the texels of some objects, found as by [`Texels::build`]; returns the new tiles. `claims` need not hold more
+    /// than these objects'.
+    ///
+    /// An object that has tiles already gets new ones, since it is another one than before: the old ones stay in the list, but
+    /// are no object's any more, and no longer in `count`.
+    pub fn extend(
+        &mut self,
+        scene: &Scene,
+        atlas: &Atlas,
+        claims: &Claims,
+        objects: &[u32],
+    ) -> Range<u32> {
+        let per_object: Vec<Vec<Claimed>> = objects
+            .par_iter()
+            .map(|&object| {
+                let object = object as usize;
                 let own = claims.first_triangle[object]..claims.first_triangle[object + 1];
                 collect(atlas, &atlas.objects[object], own, claims)
             })
             .collect();
 
-        let mut texels = Self::default();
-        for claimed in &per_object {
-            let first = texels.tiles.last().map_or(0, |tiles| tiles.end);
+        let start = (self.list.len() / Texel::TILE) as u32;
+        let mut end = start;
+        for (&object, claimed) in objects.iter().zip(&per_object) {
+            let object = object as usize;
+            if self.tiles.len() <= object {
+                self.tiles.resize(object + 1, start..start);
+            }
             let tiles = claimed.len().div_ceil(Texel::TILE) as u32;
-            texels.tiles.push(first..first + tiles);
-            texels.count += claimed.len() as u32;
+            let old = std::mem::replace(&mut self.tiles[object], end..end + tiles);
+            let old = old.start as usize * Texel::TILE..old.end as usize * Texel::TILE;
+            let lost = self.list[old].iter().filter(|t| t.pixel != Texel::NONE);
+            self.count -= lost.count() as u32;
+            end += tiles;
+            self.count += claimed.len() as u32;
         }
-        let tiles = texels.tiles.last().map_or(0, |tiles| tiles.end) as usize;
-        texels.list = vec![bytemuck::Zeroable::zeroed(); tiles * Texel::TILE];
-        let mut rest = texels.list.as_mut_slice();
-        for (object, claimed) in per_object.iter().enumerate() {
+        self.list
+            .resize(end as usize * Texel::TILE, bytemuck::Zeroable::zeroed());
+        let mut rest = &mut self.list[start as usize * Texel::TILE..];
+        for (&object, claimed) in objects.iter().zip(&per_object) {
             let (own, others) = rest.split_at_mut(claimed.len().next_multiple_of(Texel::TILE));
             rest = others;
-            let layout = &atlas.objects[object];
-            let mesh = &scene.meshes[scene.objects[object].mesh as usize];
+            let layout = &atlas.objects[object as usize];
+            let mesh = scene.mesh(object);
             own.par_iter_mut()
                 .zip(claimed)
                 .with_min_len(1024)
@@ -114,7 +141,7 @@ impl Texels {
                     let page = atlas.page_size * layout.page;
                     *texel = Texel {
                         position: position.to_array(),
-                        object: object as u32,
+                        object,
                         normal: normal.to_array(),
                         pixel: (page + claimed.at.y) * atlas.page_size + claimed.at.x,
                     };
@@ -127,12 +154,15 @@ impl Texels {
                 own[claimed.len()..].fill(filler);
             }
         }
-        texels
+        start..end
     }
 }
 
 /// The object's claimed texels in the list's order.
 fn collect(atlas: &Atlas, layout: &ObjectAtlas, own: Range<u32>, claims: &Claims) -> Vec<Claimed> {
+    if own.is_empty() {
+        return Vec::new();
+    }
     let page = &claims.pages[layout.page as usize];
     let end = (layout.origin + layout.size).min(UVec2::splat(atlas.page_size));
     let mut claimed: Vec<Claimed> = (layout.origin.y..end.y)
