@@ -302,7 +302,9 @@ fn padded_box(vertices: &[Vec3A; 3]) -> Aabb {
 }
 
 fn traversal_ray(origin: Vec3A, direction: Vec3A, t_max: f32) -> Ray {
-    let slow = direction / PARAMETERS_PER_METRE;
+    // Without negative zeros: the traversal takes the sign of a direction from a comparison, but that of its inverse,
+    // which has to agree, would be the zero's.
+    let slow = direction / PARAMETERS_PER_METRE + Vec3A::ZERO;
     Ray {
         origin,
         direction: slow,
@@ -467,6 +469,28 @@ mod tests {
             }
         }
         assert!(ties > 50);
+    }
+
+    #[test]
+    fn rays_along_an_axis_hit_whatever_the_sign_of_their_zeros() {
+        let scene = cornell();
+        let bvh = SceneBvh::build(&scene);
+        let zeros = [0.0f32, -0.0];
+        for i in 0..6 {
+            for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let mut d = [zeros[a], zeros[b], 0.0];
+                d[2] = if i % 2 == 0 { 1.0 } else { -1.0 };
+                d.rotate_right(i / 2);
+                let (o, d) = (Vec3::new(0.03, -0.41, 0.17), Vec3::from(d));
+                let hit = bvh.closest(&scene, o, d, f32::INFINITY);
+                assert_eq!(
+                    hit.map(|h| (h.object, h.triangle, h.t)),
+                    brute_force(&scene, o, d),
+                    "{d:?}"
+                );
+                assert_eq!(bvh.occluded(&scene, o, d, f32::INFINITY), hit.is_some());
+            }
+        }
     }
 
     #[test]
