@@ -14,10 +14,12 @@ use super::update::{Illumination, Sign};
 use super::uv_raster;
 use crate::cluster::{Budget, CellId, Clusters, Selected, Shape, SimilaritySettings};
 use crate::gpu::{Gpu, GpuError};
+use crate::lightmap::detail::{Point, Probe};
 use crate::lightmap::texels::Texels;
 use crate::lightmap::{Atlas, AtlasOptions, Lightmap, LightmapError};
 use crate::scene::Scene;
 use crate::transport::SceneBvh;
+use crate::transport::direct::DirectLight;
 use crate::transport::paths::{self, PathSet, PathSettings};
 
 /// What to bake and how.
@@ -89,6 +91,16 @@ impl Stages<'_> {
     }
 }
 
+impl Probe for DirectLight<'_> {
+    fn direct(&self, at: &Point) -> f32 {
+        self.irradiance(at.position, at.normal, at.face)
+    }
+
+    fn bounced(&self, at: &Point, u: [f32; 2]) -> f32 {
+        DirectLight::bounced(self, at.position, at.normal, at.face, u)
+    }
+}
+
 /// Bakes `scene`.
 ///
 /// The atlas and its texels (first on the host, then on the device) and the light paths with their octree are made side
@@ -108,8 +120,8 @@ pub fn bake(
         seconds: Mutex::default(),
     };
 
+    let bvh = stages.time(Stage::Bvh, || SceneBvh::build(scene));
     let light = || {
-        let bvh = stages.time(Stage::Bvh, || SceneBvh::build(scene));
         let settings = job
             .repeat
             .as_ref()
@@ -123,14 +135,15 @@ pub fn bake(
         let clusters = stages.time(Stage::Cluster, || {
             Clusters::new(scene, &paths, &path_settings, SimilaritySettings::default())
         });
-        (settings, bvh, paths, clusters)
+        (settings, paths, clusters)
     };
+    let probe = DirectLight::new(scene, &bvh);
     let surface = || -> Result<_, BakeError> {
         let atlas = stages.time(Stage::Unwrap, || match &job.repeat {
             Some((_, a)) => {
                 Atlas::from_settings(scene, a.density, a.page_size, a.pages, &a.objects)
             }
-            None => Atlas::build(scene, &job.atlas),
+            None => Atlas::build_lit(scene, &job.atlas, Some(&probe)),
         })?;
         let (claims, texels) = stages.time(Stage::Texels, || -> Result<_, BakeError> {
             let claims = uv_raster::rasterize(gpu, &atlas)?;
@@ -139,7 +152,7 @@ pub fn bake(
         })?;
         Ok((atlas, claims, texels))
     };
-    let ((settings, bvh, paths, clusters), surface) = rayon::join(light, surface);
+    let ((settings, paths, clusters), surface) = rayon::join(light, surface);
     let (atlas, claims, texels) = surface?;
 
     let mut illumination = stages.time(Stage::Upload, || -> Result<_, GpuError> {

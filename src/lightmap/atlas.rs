@@ -8,9 +8,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::authored::verbatim;
-use super::coverage::fetched;
+use super::budget::{lay_out, within_budget};
+use super::detail::Probe;
 use super::error::LightmapError;
-use super::shape::{Laid, Shape, shapes, snap};
+use super::shape::{shapes, snap};
 use super::skyline::Skyline;
 use super::{Atlas, ObjectAtlas, UvSource};
 use crate::scene::Scene;
@@ -64,14 +65,20 @@ pub struct Placement {
 const LARGEST_PAGE: u32 = 4096;
 /// The smallest page.
 const SMALLEST_PAGE: u32 = 16;
-/// A budget counts as met within this share of it.
-const TOLERANCE: f64 = 0.02;
-/// How often the density is corrected to meet it.
-const CORRECTIONS: usize = 2;
 
 impl Atlas {
     /// Makes the layout of every object and packs their rectangles. The result depends on the scene and the options alone.
     pub fn build(scene: &Scene, options: &AtlasOptions) -> Result<Self, LightmapError> {
+        Self::build_lit(scene, options, None)
+    }
+
+    /// [`Atlas::build`], with more of `options.texels` where the light that `probe` tells of varies more. A density that was
+    /// asked for is the same everywhere.
+    pub fn build_lit(
+        scene: &Scene,
+        options: &AtlasOptions,
+        probe: Option<&dyn Probe>,
+    ) -> Result<Self, LightmapError> {
         check(options)?;
         let shapes = shapes(scene)?;
         if scene
@@ -84,7 +91,7 @@ impl Atlas {
         let limit = options.page_size.unwrap_or(LARGEST_PAGE);
         let (density, laid) = match options.density {
             Some(density) => (density, lay_out(&shapes, scene, density, limit, None)?),
-            None => within_budget(&shapes, scene, options, limit)?,
+            None => within_budget(&shapes, scene, options, limit, probe)?,
         };
         let mut objects: Vec<Option<ObjectAtlas>> = vec![None; scene.objects.len()];
         for (shape, laid) in shapes.iter().zip(laid) {
@@ -211,75 +218,6 @@ impl Atlas {
             .filter_map(placement)
             .collect()
     }
-}
-
-/// Lays every shape out at a density. `first` are the layouts at another one: then charts are kept and only packed anew.
-fn lay_out(
-    shapes: &[Shape],
-    scene: &Scene,
-    density: f32,
-    limit: u32,
-    first: Option<&[Laid]>,
-) -> Result<Vec<Laid>, LightmapError> {
-    // Collected in order, so that the first error is the same one whatever the threads do.
-    let laid: Vec<Result<Laid, LightmapError>> = shapes
-        .par_iter()
-        .enumerate()
-        .map(|(i, shape)| shape.lay_out(scene, density, limit, first.map(|first| &first[i])))
-        .collect();
-    laid.into_iter().collect()
-}
-
-/// Finds the density at which `options.texels` are lit.
-fn within_budget(
-    shapes: &[Shape],
-    scene: &Scene,
-    options: &AtlasOptions,
-    limit: u32,
-) -> Result<(f32, Vec<Laid>), LightmapError> {
-    let surface: f64 = shapes.iter().map(|s| s.area * s.objects.len() as f64).sum();
-    let budget = options.texels as f64;
-    let start = (budget / surface).sqrt() as f32;
-    let start = if start.is_finite() {
-        start.min(options.max_density)
-    } else {
-        1.0
-    };
-    let first = lay_out(shapes, scene, start, limit, None)?;
-    let (mut density, mut lit) = (start, lit(shapes, &first));
-    let mut better = None;
-    for _ in 0..CORRECTIONS {
-        if (lit - budget).abs() <= TOLERANCE * budget
-            || lit < budget && density >= options.max_density
-        {
-            break;
-        }
-        // Texels inside charts go with the density squared, those along their borders with the density.
-        let at = f64::from(density);
-        let border = (lit - surface * at * at).max(0.0) / at;
-        let next = if surface > 0.0 {
-            ((border * border + 4.0 * surface * budget).sqrt() - border) / (2.0 * surface)
-        } else {
-            break;
-        };
-        density = (next as f32).min(options.max_density);
-        let laid = lay_out(shapes, scene, density, limit, Some(&first))?;
-        lit = self::lit(shapes, &laid);
-        better = Some(laid);
-    }
-    Ok((density, better.unwrap_or(first)))
-}
-
-/// Texels that bilinear filtering can fetch, over all objects.
-fn lit(shapes: &[Shape], laid: &[Laid]) -> f64 {
-    let counts = shapes.par_iter().zip(laid).map(|(shape, laid)| {
-        let count = fetched(&laid.layout, laid.size)
-            .iter()
-            .filter(|f| **f)
-            .count();
-        (count * shape.objects.len()) as u64
-    });
-    counts.sum::<u64>() as f64
 }
 
 fn check(options: &AtlasOptions) -> Result<(), LightmapError> {

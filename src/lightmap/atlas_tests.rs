@@ -2,6 +2,7 @@
 
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
+use super::super::coverage::fetched;
 use super::*;
 use crate::scene::{Mesh, Object};
 

@@ -99,14 +99,20 @@ pub fn missing(atlas: &Atlas, covered: impl Fn(u32, u32, u32) -> Option<u32>) ->
 
 /// Which texels of a layout's rectangle bilinear filtering can fetch, row by row.
 pub fn fetched(layout: &super::UvLayout, size: UVec2) -> Vec<bool> {
-    let mut fetched = vec![false; size.x as usize * size.y as usize];
-    for corners in &layout.triangles {
+    let owners = owners(layout, size);
+    owners.into_iter().map(|chart| chart != u32::MAX).collect()
+}
+
+/// The chart that each texel of a layout's rectangle can be fetched for, row by row; [`u32::MAX`] for none.
+pub(super) fn owners(layout: &super::UvLayout, size: UVec2) -> Vec<u32> {
+    let mut owners = vec![u32::MAX; size.x as usize * size.y as usize];
+    for (corners, &chart) in layout.triangles.iter().zip(&layout.charts) {
         let triangle = corners.map(|v| layout.vertices[v as usize].uv.as_dvec2());
         footprint(&triangle, size, |x, y| {
-            fetched[(y * size.x + x) as usize] = true
+            owners[(y * size.x + x) as usize] = chart
         });
     }
-    fetched
+    owners
 }
 
 #[cfg(test)]

@@ -2,8 +2,10 @@
 
 mod atlas;
 mod authored;
+mod budget;
 pub mod compare;
 pub mod coverage;
+pub mod detail;
 mod edges;
 mod error;
 pub mod export;

@@ -20,9 +20,10 @@ const SNAP: f32 = 256.0;
 pub(super) struct Shape {
     /// Indices into the scene's objects, ascending.
     pub objects: Vec<u32>,
-    mesh: u32,
+    /// Index into the scene's meshes.
+    pub mesh: u32,
     /// Vertex positions, metres of the world up to a rotation.
-    positions: Vec<Vec3>,
+    pub positions: Vec<Vec3>,
     /// m², of one object.
     pub area: f64,
 }
@@ -107,14 +108,15 @@ pub(super) fn canonical_scale(matrix: Mat3) -> Mat3 {
 }
 
 impl Shape {
-    /// Lays the shape out at `density` texels per metre. `first` is its layout at another density, whose charts are then kept. No side of the
-    /// rectangle is longer than `limit` texels.
+    /// Lays the shape out at `density` texels per metre. `first` is its layout at another density, whose charts are then
+    /// kept, and by how much each should be denser than `density` (nothing: by 1). No side of the rectangle is longer than
+    /// `limit` texels.
     pub fn lay_out(
         &self,
         scene: &Scene,
         density: f32,
         limit: u32,
-        first: Option<&Laid>,
+        first: Option<(&Laid, &[f32])>,
     ) -> Result<Laid, LightmapError> {
         let mesh = &scene.meshes[self.mesh as usize];
         let object = || scene.objects[self.objects[0] as usize].name.clone();
@@ -141,16 +143,36 @@ impl Shape {
         if longest > 1.42 * f64::from(limit) {
             return Err(too_large(longest, 1.0));
         }
-        let unwrapped = first.filter(|first| first.source == UvSource::Unwrapped);
-        let kept = match unwrapped {
-            Some(_) => None,
-            None => self.authored(mesh, density, limit),
+        let unwrapped = first.filter(|(first, _)| first.source == UvSource::Unwrapped);
+        let kept = match (unwrapped, first) {
+            (Some(_), _) => None,
+            // The file says how the texels are shared out among the charts.
+            (None, Some((first, factors))) => {
+                let mean = self.mean_factor(mesh, &first.layout, factors);
+                self.authored(mesh, density * mean, limit)
+            }
+            (None, None) => self.authored(mesh, density, limit),
         };
         let (mut layout, size, source) = match (kept, unwrapped) {
             (Some((layout, size)), _) => (layout, size, UvSource::Authored),
             (None, first) => {
                 let charts = match first {
-                    Some(first) => repack(mesh, &self.positions, &first.layout, density, limit),
+                    Some((first, factors)) => {
+                        let anew = |factors| {
+                            repack(
+                                mesh,
+                                &self.positions,
+                                &first.layout,
+                                factors,
+                                density,
+                                limit,
+                            )
+                        };
+                        match anew(factors) {
+                            Ok((_, size)) if size.max_element() > limit => anew(&[]),
+                            laid => laid,
+                        }
+                    }
                     None => unwrap(mesh, &self.positions, density, limit),
                 };
                 let (layout, size) = charts.map_err(|e| LightmapError::Unwrap {
@@ -188,6 +210,16 @@ impl Shape {
                 None
             }
         }
+    }
+
+    /// The factor that gives the whole shape as many texels as its charts' factors do.
+    fn mean_factor(&self, mesh: &Mesh, layout: &UvLayout, factors: &[f32]) -> f32 {
+        let weighted = mesh.triangles.iter().zip(&layout.charts).map(|(t, c)| {
+            let factor = factors.get(*c as usize).copied().unwrap_or(1.0);
+            triangle_area(&self.positions, t) * f64::from(factor * factor)
+        });
+        let mean = weighted.sum::<f64>() / self.area;
+        if mean > 0.0 { mean.sqrt() as f32 } else { 1.0 }
     }
 
     fn longest_edge(&self, mesh: &Mesh) -> f64 {

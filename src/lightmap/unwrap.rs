@@ -52,17 +52,27 @@ pub(crate) fn unwrap(
     generate(mesh, input, angle, density, limit)
 }
 
-/// [`unwrap`] at another density: the charts of `first` are kept, and packed anew.
+/// [`unwrap`] at another density: the charts of `first` are kept, and packed anew, each `factors[chart]` times as dense
+/// (1 where there is none).
 pub(crate) fn repack(
     mesh: &Mesh,
     positions: &[Vec3],
     first: &UvLayout,
+    factors: &[f32],
     density: f32,
     limit: u32,
 ) -> Result<(UvLayout, UVec2), uvunwrap::Error> {
     let welded = weld(positions);
-    let place = |v: &UvVertex| positions[welded[v.source as usize] as usize].to_array();
-    let points: Vec<[f32; 3]> = first.vertices.iter().map(place).collect();
+    let mut points: Vec<[f32; 3]> = vec![[0.0; 3]; first.vertices.len()];
+    for (corners, &chart) in first.triangles.iter().zip(&first.charts) {
+        // A chart's texels go with its surface: a denser chart says that it is larger.
+        let factor = factors.get(chart as usize).copied().unwrap_or(1.0);
+        for &corner in corners {
+            let source = first.vertices[corner as usize].source;
+            let at = positions[welded[source as usize] as usize] * factor;
+            points[corner as usize] = at.to_array();
+        }
+    }
     let coordinates: Vec<[f32; 2]> = first.vertices.iter().map(|v| v.uv.to_array()).collect();
     let input = uvunwrap::MeshInput {
         existing_uvs: Some(&coordinates),
@@ -323,7 +333,7 @@ mod tests {
     fn packing_anew_keeps_the_charts() {
         let wave = wave(24);
         let (first, _) = unwrap(&wave, &wave.positions, 20.0, 4096).unwrap();
-        let (again, size) = repack(&wave, &wave.positions, &first, 13.0, 4096).unwrap();
+        let (again, size) = repack(&wave, &wave.positions, &first, &[], 13.0, 4096).unwrap();
         check(&wave, &again, size);
         assert_eq!(
             crate::lightmap::edges::charts(&wave, &again),

@@ -1,6 +1,7 @@
 //! How light travels: rays, quasi-Monte Carlo paths from the lights, and the virtual point lights they leave behind.
 
 pub mod bvh;
+pub mod direct;
 pub mod emission;
 pub mod paths;
 pub mod sampling;
