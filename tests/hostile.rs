@@ -15,7 +15,11 @@ use std::{
 };
 
 use hostile_cases::{Case, base, cases, glb};
-use rebake::scene::{Document, Scene, overlay_lights};
+use rebake::scene::{
+    Document, Scene,
+    edit::{self, Editor},
+    overlay_lights,
+};
 
 fn write(case: &Case, folder: &Path) -> std::path::PathBuf {
     for (name, bytes) in &case.files {
@@ -197,4 +201,211 @@ fn the_program_survives_all() {
     });
     let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// Lines of a script with something hostile in the place of every value, one at a time, and cut off everywhere.
+fn hostile_lines() -> Vec<String> {
+    let lines = [
+        r#"{"do": "transform", "node": "quad", "translation": [@, 0, 0], "rotation": [0, @, 0, 1], "scale": [1, 1, @]}"#,
+        r#"{"do": "transform", "node": @, "translation": @, "rotation": @, "scale": @}"#,
+        r#"{"do": "light", "node": "lamp", "intensity": @, "color": [1, @, 1], "spot": {"innerConeAngle": @, "outerConeAngle": @}}"#,
+        r#"{"do": "light", "node": @, "color": @, "spot": @}"#,
+        r#"{"do": "material", "material": 0, "baseColorFactor": [0, @, 0, @], "emissiveFactor": [@, 0, 0], "emissiveStrength": @}"#,
+        r#"{"do": "material", "material": @, "baseColorFactor": @, "emissiveFactor": @, @: 1}"#,
+        r#"{"do": "add", "file": @, "name": @, "parent": @}"#,
+        r#"{"do": "copy", "node": @, "name": @}"#,
+        r#"{"do": "remove", "node": @}"#,
+        r#"{"do": @, @: @}"#,
+    ];
+    let values = [
+        "1e999",
+        "-1e999",
+        "1e308",
+        "-3e38",
+        "1e-46",
+        "-0.0",
+        "NaN",
+        "null",
+        "true",
+        "[]",
+        "{}",
+        "-1",
+        "4294967296",
+        "18446744073709551616",
+        "\"\"",
+        "\"node 0\"",
+        "\"\\u0000\\n\"",
+        "\"..\"",
+        "\"/dev/zero\"",
+        "\"scene.glb\"",
+        "\"\u{202e}\u{1f4a1}\"",
+        "[[[[[[[[]]]]]]]]",
+    ];
+    let mut hostile = Vec::new();
+    for line in lines {
+        let places: Vec<usize> = line.match_indices('@').map(|(at, _)| at).collect();
+        for value in values {
+            for &place in &places {
+                let (before, after) = line.split_at(place);
+                let line = format!("{before}{value}{}", &after[1..]);
+                // The other places hold something harmless.
+                hostile.push(line.replace('@', "0.25"));
+            }
+        }
+        let whole = line.replace('@', "0.25");
+        hostile.extend((0..whole.len()).map(|end| whole[..end].to_owned()));
+    }
+    hostile
+}
+
+#[test]
+fn edits_survive_all() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.glb"), glb(&base())).unwrap();
+    let (scene, document) = Scene::load(&folder.path().join("scene.glb")).unwrap();
+    let mut editor = Editor::new(scene, document).unwrap();
+    let first = (editor.document().json.clone(), editor.scene().clone());
+    let (mut accepted, mut refused) = (0, 0);
+    for line in hostile_lines() {
+        let result = edit::Command::parse(&line).and_then(|command| match command {
+            edit::Command::Edit(edit) => editor.apply(&edit, folder.path()).map(drop),
+            _ => panic!("{line} was read as {command:?}"),
+        });
+        match result {
+            Ok(()) => {
+                accepted += 1;
+                assert!(editor.scene().bounds().center().is_finite(), "{line}");
+                let written = editor.document().to_glb().unwrap();
+                let read = Scene::from_document(&Document::parse(&written, None).unwrap());
+                assert_eq!(read.unwrap().lights.len(), editor.scene().lights.len());
+                editor.undo().unwrap();
+            }
+            Err(error) => {
+                refused += 1;
+                let said = error.to_string();
+                assert!(
+                    !said.is_empty() && said.len() < 600 && !said.chars().any(char::is_control),
+                    "{line}: {said:?}"
+                );
+            }
+        }
+        assert!(
+            editor.document().json == first.0 && *editor.scene() == first.1,
+            "{line}"
+        );
+    }
+    assert!(
+        accepted > 10 && refused > 500,
+        "{accepted} accepted, {refused} refused"
+    );
+}
+
+#[test]
+fn additions_of_all_survive() {
+    let document = Document::parse(&glb(&base()), None).unwrap();
+    let scene = Scene::from_document(&document).unwrap();
+    let mut editor = Editor::new(scene, document).unwrap();
+    let first = editor.document().json.clone();
+    for case in cases() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = write(&case, folder.path());
+        let add = edit::Edit::Add {
+            file: path.file_name().unwrap().to_string_lossy().into_owned(),
+            name: None,
+            parent: Some("parent".into()),
+        };
+        if let Err(error) = editor.apply(&add, folder.path()) {
+            let said = error.to_string();
+            assert!(
+                said.len() < 700 && !said.chars().any(char::is_control),
+                "{}: {said:?}",
+                case.name
+            );
+        } else {
+            // Whatever it was: it can be edited, written, and taken back.
+            let last = editor.document().json["nodes"].as_array().unwrap().len() as u32 - 1;
+            for edit in [
+                edit::Edit::Copy {
+                    node: last.into(),
+                    name: None,
+                },
+                edit::Edit::Transform {
+                    node: last.into(),
+                    translation: Some([0.5; 3]),
+                    rotation: None,
+                    scale: None,
+                },
+                edit::Edit::Material {
+                    material: 0.into(),
+                    base_color_factor: Some([0.5; 4]),
+                    emissive_factor: Some([0.5; 3]),
+                    emissive_strength: Some(2.0),
+                },
+                edit::Edit::Remove { node: last.into() },
+            ] {
+                // A refusal is as good.
+                let _ = editor.apply(&edit, folder.path());
+            }
+            let written = editor.document().to_glb().unwrap();
+            Scene::from_document(&Document::parse(&written, None).unwrap()).unwrap();
+            while editor.undo().is_ok() {}
+        }
+        assert_eq!(editor.document().json, first, "{}", case.name);
+    }
+}
+
+#[test]
+fn edits_of_all_survive() {
+    for case in cases() {
+        let folder = tempfile::tempdir().unwrap();
+        let Ok((scene, document)) = Scene::load(&write(&case, folder.path())) else {
+            continue;
+        };
+        let first = document.json.clone();
+        let Ok(mut editor) = Editor::new(scene, document) else {
+            panic!("{}: read once, but not twice", case.name);
+        };
+        let count = |key: &str| first[key].as_array().map_or(0, Vec::len) as u32;
+        let nodes = (0..count("nodes")).flat_map(|node| {
+            [
+                edit::Edit::Copy {
+                    node: node.into(),
+                    name: None,
+                },
+                edit::Edit::Transform {
+                    node: node.into(),
+                    translation: None,
+                    rotation: None,
+                    scale: Some([0.5; 3]),
+                },
+                edit::Edit::Light {
+                    node: node.into(),
+                    intensity: Some(3.0),
+                    color: None,
+                    spot: Some(edit::Spot {
+                        inner_cone_angle: Some(0.1),
+                        outer_cone_angle: None,
+                    }),
+                },
+                edit::Edit::Remove { node: node.into() },
+            ]
+        });
+        let materials = (0..count("materials")).map(|material| edit::Edit::Material {
+            material: material.into(),
+            base_color_factor: Some([0.5; 4]),
+            emissive_factor: Some([0.5; 3]),
+            emissive_strength: Some(2.0),
+        });
+        for edit in materials.chain(nodes) {
+            // A refusal is as good.
+            let _ = editor.apply(&edit, folder.path());
+        }
+        while editor.undo().is_ok() {}
+        assert_eq!(
+            editor.document().json.to_string(),
+            first.to_string(),
+            "{}",
+            case.name
+        );
+    }
 }

@@ -22,6 +22,27 @@ pub(super) fn punctual(json: &Value) -> &[Value] {
     extension(json, "KHR_lights_punctual").map_or(&[], |lights| list(lights, "lights"))
 }
 
+/// Sets a key of what should be an object, and is one afterwards: a file's `null` or 3 in its place means nothing.
+pub(super) fn set(element: &mut Value, key: &str, value: impl Into<Value>) {
+    *entry(element, key) = value.into();
+}
+
+/// The object under a key, made if it is absent or something else.
+pub(super) fn object<'a>(element: &'a mut Value, key: &str) -> &'a mut Value {
+    let value = entry(element, key);
+    if !value.is_object() {
+        *value = Value::Object(Map::new());
+    }
+    value
+}
+
+fn entry<'a>(element: &'a mut Value, key: &str) -> &'a mut Value {
+    if !element.is_object() {
+        *element = Value::Object(Map::new());
+    }
+    &mut element[key]
+}
+
 /// Removes a key; the others keep their order.
 pub(super) fn remove(element: &mut Value, key: &str) {
     if let Some(element) = element.as_object_mut() {

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::super::{
     Document,
-    json::{extension, list, punctual, remove},
+    json::{extension, list, object, punctual, remove, set},
     nodes::local,
 };
 use super::names::{self, Name, place};
@@ -95,19 +95,23 @@ fn transform(
         let (old_scale, old_rotation) = kept.unwrap_or_default();
         remove(element, "matrix");
         let t: [f32; 3] = before.translation.to_array();
-        element["translation"] = json!(translation.unwrap_or(t.map(f64::from)));
-        element["rotation"] = json!(rotation.unwrap_or(old_rotation));
-        element["scale"] = json!(scale.unwrap_or(old_scale));
+        set(
+            element,
+            "translation",
+            json!(translation.unwrap_or(t.map(f64::from))),
+        );
+        set(element, "rotation", json!(rotation.unwrap_or(old_rotation)));
+        set(element, "scale", json!(scale.unwrap_or(old_scale)));
         return Ok(());
     }
     if let Some(translation) = translation {
-        element["translation"] = json!(translation);
+        set(element, "translation", json!(translation));
     }
     if let Some(rotation) = rotation {
-        element["rotation"] = json!(rotation);
+        set(element, "rotation", json!(rotation));
     }
     if let Some(scale) = scale {
-        element["scale"] = json!(scale);
+        set(element, "scale", json!(scale));
     }
     Ok(())
 }
@@ -184,27 +188,24 @@ fn light(
             let why = "its light is no spot; leave it out, or add a spot from a file instead";
             return Err(EditError::field(&place, "spot", why));
         }
-        cone(&place, &mut element["spot"], spot)?;
+        cone(&place, object(element, "spot"), spot)?;
     }
     if let Some(intensity) = intensity {
-        element["intensity"] = intensity.into();
+        set(element, "intensity", intensity);
     }
     if let Some(color) = color {
-        element["color"] = json!(color);
+        set(element, "color", json!(color));
     }
     Ok(())
 }
 
 fn cone(place: &str, element: &mut Value, spot: Spot) -> Result<(), EditError> {
-    if !element.is_object() {
-        *element = json!({});
-    }
     for (key, angle) in [
         ("innerConeAngle", spot.inner_cone_angle),
         ("outerConeAngle", spot.outer_cone_angle),
     ] {
         if let Some(angle) = angle {
-            element[key] = angle.into();
+            set(element, key, angle);
         }
     }
     let angle = |key, or| element.get(key).and_then(Value::as_f64).unwrap_or(or);
@@ -240,25 +241,19 @@ fn material(
     not_negative(&place, "emissiveStrength", strength)?;
     let element = &mut document.json["materials"][material];
     if let Some(color) = base_color {
-        object(element, "pbrMetallicRoughness")["baseColorFactor"] = json!(color);
+        let pbr = object(element, "pbrMetallicRoughness");
+        set(pbr, "baseColorFactor", json!(color));
     }
     if let Some(color) = emissive {
-        element["emissiveFactor"] = json!(color);
+        set(element, "emissiveFactor", json!(color));
     }
     if let Some(strength) = strength {
         let extension = "KHR_materials_emissive_strength";
-        object(object(element, "extensions"), extension)["emissiveStrength"] = strength.into();
+        let strengths = object(object(element, "extensions"), extension);
+        set(strengths, "emissiveStrength", strength);
         document.use_extension(extension);
     }
     Ok(())
-}
-
-/// The object under a key, made if it is absent.
-fn object<'a>(element: &'a mut Value, key: &str) -> &'a mut Value {
-    if !element[key].is_object() {
-        element[key] = json!({});
-    }
-    &mut element[key]
 }
 
 fn nothing(place: &str, field: &'static str, fields: &str) -> EditError {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Affine3A;
+use rayon::prelude::*;
 
 use super::super::{AlphaMode, Aperture, Bounds, Light, Material, Scene, TextureRef};
 
@@ -45,7 +46,7 @@ impl Change {
             let emits = differs || any(new, object, &materials, |m| m.emits);
             surface.insert(object, emits);
         }
-        change.bounds_changed = !change.objects.is_empty() && old.bounds() != new.bounds();
+        change.bounds_changed = change.moves_bounds(old, new);
         let by_id = |scene: &'_ Scene| -> BTreeMap<u32, usize> {
             let lights = scene.lights.iter().enumerate();
             lights.map(|(i, light)| (light.id(), i)).collect()
@@ -68,6 +69,24 @@ impl Change {
         });
         change.lights = ids;
         change
+    }
+
+    /// Whether the scene's bounds differ, which only `objects` can bring about.
+    fn moves_bounds(&self, old: &Scene, new: &Scene) -> bool {
+        let all = |scene: &Scene| {
+            let objects = self.objects.iter().filter(|o| present(scene, **o));
+            objects.fold(Bounds::EMPTY, |all, o| all.union(&scene.object_bounds(*o)))
+        };
+        let (before, after) = (all(old), all(new));
+        // What stayed is the same in both: it is looked at once, and only if there is a need.
+        before != after && {
+            let stayed = (0..new.objects.len() as u32)
+                .into_par_iter()
+                .filter(|o| self.objects.binary_search(o).is_err())
+                .map(|o| new.object_bounds(o))
+                .reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
+            stayed.union(&before) != stayed.union(&after)
+        }
     }
 
     /// Whether nothing differs.

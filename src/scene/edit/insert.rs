@@ -10,7 +10,7 @@ use super::super::{
     Document, Scene,
     copier::Copier,
     error::SceneError,
-    json::{extension, integer, list, name, push, remove},
+    json::{extension, integer, list, name, push, remove, set},
     nodes::{roots, shown_scene, walk},
     uri::inside,
 };
@@ -120,7 +120,7 @@ pub(super) fn copy(
             let mut copy = nodes[old].clone();
             renumber(&mut copy, list(&nodes[old], "children"), &numbers);
             if old == node {
-                copy["name"] = name_of_copy.clone().into();
+                set(&mut copy, "name", name_of_copy.clone());
             }
             copy
         })
@@ -201,7 +201,7 @@ fn renumber(copy: &mut Value, children: &[Value], numbers: &BTreeMap<usize, usiz
         .filter_map(|child| numbers.get(&(child.as_u64()? as usize)).copied())
         .collect();
     if !children.is_empty() {
-        copy["children"] = json!(children);
+        set(copy, "children", children);
     }
 }
 
