@@ -1,16 +1,17 @@
 //! The tree over a light's aperture (IBGI section 4.1, "Direct Virtual Lights"): emissive triangles merged to convex facets,
 //! halved along their longest extent as far as the balancing metric may want to go.
 
-use std::collections::BTreeMap;
-
 use glam::Vec3;
 
-use super::facet::{Facet, extent, facet_lights, merge};
+use super::facet::{Facet, extent, facet_lights};
 use super::octree::FluxScale;
+use super::starts::{Linker, Start};
 use super::{Shape, VirtualLight};
 use crate::scene::{Aperture, Light};
-use crate::transport::emission::{Emitter, Piece, mean};
+use crate::transport::Emission;
+use crate::transport::emission::Emitter;
 use crate::transport::paths::LightPaths;
+use crate::transport::validate::EmissionChange;
 
 /// A facet with fewer paths than this is not cut further: its key would be noise.
 const MIN_PATHS: usize = 16;
@@ -25,95 +26,102 @@ pub struct ApertureNode {
     key: u64,
     contribution: u64,
     facets: Vec<Facet>,
-    children: Vec<ApertureNode>,
+    /// Into [`Linker::sides`], ascending: of the facets, or of the one that this is a piece of.
+    numbers: Vec<u32>,
+    /// How often a piece may be halved.
+    cuts: u32,
+    radius: f64,
+    /// Paths that met a surface.
+    count: usize,
+    content: Content,
 }
 
-/// The tree of one light.
+#[derive(Clone, Debug, PartialEq)]
+enum Content {
+    /// The paths, in order.
+    Leaf(Vec<Start>),
+    Halves(Rule, Box<[ApertureNode; 2]>),
+}
+
+/// Which starts go to the first half.
+#[derive(Clone, Debug, PartialEq)]
+enum Rule {
+    /// Those on these facets.
+    Facets(Vec<u32>),
+    /// Those up to this far along an axis.
+    Plane(Vec3, f32),
+}
+
+/// The tree of one light: a pure function of the light and the set of its paths.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ApertureTree {
     root: ApertureNode,
+    /// None for a light without extent.
+    linker: Option<Linker>,
     /// What stands for a light without extent.
     single: Option<VirtualLight>,
-}
-
-/// A path's start on a facet: position, and how its first hit weighs in the metric.
-#[derive(Clone, Copy)]
-struct Start {
-    position: Vec3,
-    facet: u32,
-    distance: f32,
-    albedo: f32,
+    scale: FluxScale,
 }
 
 impl ApertureTree {
     /// The tree of a light, whose paths feed the metric.
     pub fn new(light: &Light, emitter: &Emitter, paths: &LightPaths, scale: &FluxScale) -> Self {
-        let leaf = ApertureNode {
-            key: 0,
-            contribution: 0,
-            facets: Vec::new(),
-            children: Vec::new(),
+        let single = punctual(light);
+        let linker = single.is_none().then(|| Linker::new(emitter.pieces()));
+        let starts = linker.iter().flat_map(|linker| {
+            let paths = paths.paths.iter().zip(0..);
+            paths.filter_map(|(p, i)| linker.start(i, &p.emission))
+        });
+        let numbers = (0..linker.iter().map(|l| l.sides().len() as u32).sum()).collect();
+        let builder = Builder {
+            sides: linker.as_ref().map_or(&[], |l| l.sides()),
+            scale,
         };
-        if let Some(single) = punctual(light) {
-            return Self {
-                root: leaf,
-                single: Some(single),
-            };
-        }
-        let (facets, of_piece) = merge(emitter.pieces());
-        let starts = link(emitter.pieces(), &of_piece, facets.len(), paths);
-        // The back sides of double-sided facets come after all fronts.
-        let mut sides = facets.clone();
-        let mut index_of_back = BTreeMap::new();
-        let mut double_sided = vec![false; facets.len()];
-        for (piece, &facet) in emitter.pieces().iter().zip(&of_piece) {
-            double_sided[facet as usize] = piece.double_sided;
-        }
-        for (i, facet) in facets.iter().enumerate() {
-            if double_sided[i] {
-                index_of_back.insert(i as u32, sides.len() as u32);
-                let vertices = facet.vertices.iter().rev().copied().collect();
-                sides.push(Facet {
-                    vertices,
-                    normal: -facet.normal,
-                    radiance: facet.radiance,
-                });
-            }
-        }
-        let starts = starts
-            .into_iter()
-            .map(|(start, back)| Start {
-                facet: if back {
-                    index_of_back
-                        .get(&start.facet)
-                        .copied()
-                        .unwrap_or(start.facet)
-                } else {
-                    start.facet
-                },
-                ..start
-            })
-            .collect();
-        let energy = paths.paths.len().max(1) as f32;
-        let flux = mean(emitter.flux) / energy;
-        let indices = (0..sides.len() as u32).collect();
         Self {
-            root: Builder {
-                sides: &sides,
-                flux,
-                scale,
-            }
-            .node(indices, starts, f64::INFINITY),
-            single: None,
+            root: builder.node(numbers, starts.collect(), f64::INFINITY),
+            single,
+            linker,
+            scale: *scale,
+        }
+    }
+
+    /// Takes in that a path starts otherwise than before, or met something else, while the light is the same.
+    pub fn change(&mut self, change: &EmissionChange) {
+        let Some(linker) = &self.linker else { return };
+        let builder = Builder {
+            sides: linker.sides(),
+            scale: &self.scale,
+        };
+        let start = |e: &Option<Emission>| linker.start(change.path, e.as_ref()?);
+        if let Some(old) = start(&change.old) {
+            builder.remove(&mut self.root, &old);
+        }
+        if let Some(new) = start(&change.new) {
+            builder.add(&mut self.root, new);
         }
     }
 
     /// The node at the end of a path from the root: bits after the highest set one, 0 for the first part.
     pub fn node(&self, path: u64) -> Option<&ApertureNode> {
         let steps = 63 - path.leading_zeros();
-        (0..steps).rev().try_fold(&self.root, |node, step| {
-            node.children.get((path >> step & 1) as usize)
-        })
+        (0..steps)
+            .rev()
+            .try_fold(&self.root, |node, step| match &node.content {
+                Content::Leaf(_) => None,
+                Content::Halves(_, parts) => Some(&parts[(path >> step & 1) as usize]),
+            })
+    }
+
+    /// The way to the leaf that a path leaves from.
+    pub fn locate(&self, emission: &Emission) -> u64 {
+        let start = self.linker.as_ref().and_then(|l| l.locate(0, emission));
+        let (mut way, mut node) = (1, &self.root);
+        while let (Some(start), Content::Halves(rule, parts)) = (&start, &node.content) {
+            let half = rule.half(start);
+            way = way << 1 | half as u64;
+            node = &parts[half];
+        }
+        way
     }
 
     /// The virtual lights of a node, exact in flux: a facet as itself, more facets as one polygon where they fill one,
@@ -140,115 +148,186 @@ impl ApertureNode {
 
     /// Number of parts, 0 or 2.
     pub fn parts(&self) -> usize {
-        self.children.len()
+        match self.content {
+            Content::Leaf(_) => 0,
+            Content::Halves(..) => 2,
+        }
+    }
+
+    fn collect(&mut self, all: &mut Vec<Start>) {
+        match &mut self.content {
+            Content::Leaf(starts) => all.append(starts),
+            Content::Halves(_, parts) => parts.iter_mut().for_each(|p| p.collect(all)),
+        }
+    }
+}
+
+impl Rule {
+    fn half(&self, start: &Start) -> usize {
+        let first = match self {
+            Self::Facets(first) => first.binary_search(&start.facet).is_ok(),
+            Self::Plane(axis, middle) => start.position.dot(*axis) <= *middle,
+        };
+        usize::from(!first)
     }
 }
 
 struct Builder<'a> {
     sides: &'a [Facet],
-    /// Lumens a path.
-    flux: f32,
     scale: &'a FluxScale,
 }
 
 impl Builder<'_> {
-    /// Key and contribution.
-    fn weigh(&self, starts: &[Start], radius: f64) -> [u64; 2] {
-        let sum = |flux: f32, near: &dyn Fn(&Start) -> f64| {
-            starts
-                .iter()
-                .map(|s| self.scale.key(flux, s.albedo, near(s)))
-                .sum()
-        };
-        let near = |s: &Start| f64::from(s.distance) / radius;
+    /// A start's part of a node's key and contribution.
+    fn weigh(&self, start: &Start, radius: f64) -> [u64; 2] {
+        let flux = self.scale.flux_per_path() as f32;
+        let key = |flux, near| self.scale.key(flux, start.albedo, near);
         [
-            sum(self.flux * DIRECT_WEIGHT, &near),
-            sum(self.flux, &|_| 0.0),
+            key(flux * DIRECT_WEIGHT, f64::from(start.distance) / radius),
+            key(flux, 0.0),
         ]
     }
 
-    /// Several facets: halves at the middle of their centres along the major extent.
-    fn node(&self, facets: Vec<u32>, starts: Vec<Start>, radius: f64) -> ApertureNode {
-        let list = |facets: &[u32]| {
-            facets
-                .iter()
-                .map(|&f| self.sides[f as usize].clone())
-                .collect::<Vec<_>>()
+    /// Several facets, or one that can be cut into pieces.
+    fn node(&self, numbers: Vec<u32>, starts: Vec<Start>, radius: f64) -> ApertureNode {
+        let facets = numbers.iter().map(|&n| self.sides[n as usize].clone());
+        self.make(facets.collect(), numbers, MAX_CUTS, starts, radius)
+    }
+
+    fn make(
+        &self,
+        facets: Vec<Facet>,
+        numbers: Vec<u32>,
+        cuts: u32,
+        starts: Vec<Start>,
+        radius: f64,
+    ) -> ApertureNode {
+        let radius = extent(facets.iter().flat_map(|f| &f.vertices)).min(radius);
+        let sums = starts.iter().map(|s| self.weigh(s, radius));
+        let [key, contribution] = sums.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        let mut node = ApertureNode {
+            key,
+            contribution,
+            facets,
+            numbers,
+            cuts,
+            radius,
+            count: starts.len(),
+            content: Content::Leaf(starts),
         };
-        if let [facet] = facets[..] {
-            return self.piece(self.sides[facet as usize].clone(), starts, radius, MAX_CUTS);
+        self.split(&mut node);
+        node
+    }
+
+    /// Halves a leaf that has paths enough.
+    fn split(&self, node: &mut ApertureNode) {
+        let Content::Leaf(starts) = &mut node.content else {
+            return;
+        };
+        if starts.len() < MIN_PATHS {
+            return;
         }
-        let radius = extent(
-            facets
-                .iter()
-                .flat_map(|&f| &self.sides[f as usize].vertices),
-        )
-        .min(radius);
-        let [key, contribution] = self.weigh(&starts, radius);
-        let centers: Vec<Vec3> = facets
+        let starts = std::mem::take(starts);
+        let apart = |rule: &Rule, starts: Vec<Start>| -> [Vec<Start>; 2] {
+            let (a, b) = starts.into_iter().partition(|s| rule.half(s) == 0);
+            [a, b]
+        };
+        node.content = if node.numbers.len() > 1 {
+            let [first, second] = self.halves(&node.numbers);
+            let rule = Rule::Facets(first.clone());
+            let [a, b] = apart(&rule, starts);
+            let (a, b) = both(
+                node.count,
+                || self.node(first, a, node.radius),
+                || self.node(second, b, node.radius),
+            );
+            Content::Halves(rule, Box::new([a, b]))
+        } else if let ([facet], 1..) = (&node.facets[..], node.cuts)
+            && let Some(([first, second], (axis, middle))) = facet.halves()
+        {
+            let rule = Rule::Plane(axis, middle);
+            let [a, b] = apart(&rule, starts);
+            let piece = |facet, starts| {
+                let cuts = node.cuts - 1;
+                self.make(vec![facet], node.numbers.clone(), cuts, starts, node.radius)
+            };
+            let (a, b) = both(node.count, || piece(first, a), || piece(second, b));
+            Content::Halves(rule, Box::new([a, b]))
+        } else {
+            Content::Leaf(starts)
+        };
+    }
+
+    /// Several facets: halves at the middle of their centres along the major extent.
+    fn halves(&self, numbers: &[u32]) -> [Vec<u32>; 2] {
+        let centers: Vec<Vec3> = numbers
             .iter()
-            .map(|&f| self.sides[f as usize].center())
+            .map(|&n| self.sides[n as usize].center())
             .collect();
         let lo = centers.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
         let hi = centers.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
         let axis = (hi - lo).max_position();
         let middle = (lo[axis] + hi[axis]) * 0.5;
-        let mut first: Vec<u32> = (0..facets.len())
+        let mut first: Vec<u32> = (0..numbers.len())
             .filter(|&i| centers[i][axis] <= middle)
-            .map(|i| facets[i])
+            .map(|i| numbers[i])
             .collect();
-        if first.len() == facets.len() {
+        if first.len() == numbers.len() {
             // All centres in one place, as those of the two sides of a facet.
-            first.truncate(facets.len() / 2);
+            first.truncate(numbers.len() / 2);
         }
-        let second: Vec<u32> = facets
+        let second = numbers
             .iter()
             .copied()
-            .filter(|f| first.binary_search(f).is_err())
+            .filter(|n| first.binary_search(n).is_err())
             .collect();
-        let content = list(&facets);
-        if facets.is_empty() || starts.len() < MIN_PATHS {
-            return ApertureNode {
-                key,
-                contribution,
-                facets: content,
-                children: Vec::new(),
-            };
-        }
-        let (a, b): (Vec<Start>, Vec<Start>) = starts
-            .into_iter()
-            .partition(|s| first.binary_search(&s.facet).is_ok());
-        let children = vec![self.node(first, a, radius), self.node(second, b, radius)];
-        ApertureNode {
-            key,
-            contribution,
-            facets: content,
-            children,
+        [first, second]
+    }
+
+    fn add(&self, node: &mut ApertureNode, start: Start) {
+        let [key, contribution] = self.weigh(&start, node.radius);
+        node.key += key;
+        node.contribution += contribution;
+        node.count += 1;
+        match &mut node.content {
+            Content::Leaf(starts) => {
+                let place = starts.partition_point(|s| s.path < start.path);
+                starts.insert(place, start);
+                self.split(node);
+            }
+            Content::Halves(rule, parts) => self.add(&mut parts[rule.half(&start)], start),
         }
     }
 
-    fn piece(&self, facet: Facet, starts: Vec<Start>, radius: f64, cuts: u32) -> ApertureNode {
-        let radius = extent(facet.vertices.iter()).min(radius);
-        let [key, contribution] = self.weigh(&starts, radius);
-        let mut children = Vec::new();
-        if cuts > 0
-            && starts.len() >= MIN_PATHS
-            && let Some(([first, second], (axis, middle))) = facet.halves()
-        {
-            let (a, b): (Vec<Start>, Vec<Start>) = starts
-                .into_iter()
-                .partition(|s| s.position.dot(axis) <= middle);
-            children = vec![
-                self.piece(first, a, radius, cuts - 1),
-                self.piece(second, b, radius, cuts - 1),
-            ];
+    /// The start must be in the tree.
+    fn remove(&self, node: &mut ApertureNode, start: &Start) {
+        let [key, contribution] = self.weigh(start, node.radius);
+        node.key -= key;
+        node.contribution -= contribution;
+        node.count -= 1;
+        match &mut node.content {
+            Content::Leaf(starts) => starts.retain(|s| s.path != start.path),
+            Content::Halves(rule, parts) => self.remove(&mut parts[rule.half(start)], start),
         }
-        ApertureNode {
-            key,
-            contribution,
-            facets: vec![facet],
-            children,
+        if node.parts() > 0 && node.count < MIN_PATHS {
+            let mut starts = Vec::with_capacity(node.count);
+            node.collect(&mut starts);
+            starts.sort_unstable_by_key(|s| s.path);
+            node.content = Content::Leaf(starts);
         }
+    }
+}
+
+/// Both results, worked out side by side where there is much to do.
+fn both<A: Send, B: Send>(
+    count: usize,
+    a: impl FnOnce() -> A + Send,
+    b: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    if count > 4096 {
+        rayon::join(a, b)
+    } else {
+        (a(), b())
     }
 }
 
@@ -269,37 +348,6 @@ fn punctual(light: &Light) -> Option<VirtualLight> {
         flux: light.intensity,
         direct: true,
     })
-}
-
-/// Which facet each path left, and whether from its back.
-fn link(
-    pieces: &[Piece],
-    of_piece: &[u32],
-    facets: usize,
-    paths: &LightPaths,
-) -> Vec<(Start, bool)> {
-    let mut of_triangle: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-    for (i, piece) in pieces.iter().enumerate() {
-        of_triangle.entry(piece.triangle).or_default().push(i);
-    }
-    let center = |i: usize| pieces[i].corners.iter().sum::<Vec3>() / 3.0;
-    let emissions = paths.paths.iter().map(|p| &p.emission);
-    let starts = emissions.filter_map(|e| {
-        let candidates = of_triangle.get(&e.triangle)?;
-        let distance = |i: usize| center(i).distance_squared(e.position);
-        let &piece = candidates
-            .iter()
-            .min_by(|&&a, &&b| distance(a).total_cmp(&distance(b)))?;
-        let start = Start {
-            position: e.position,
-            facet: of_piece[piece],
-            distance: e.scatter.distance,
-            albedo: e.scatter.albedo,
-        };
-        (start.distance.is_finite() && (start.facet as usize) < facets)
-            .then_some((start, e.normal.dot(pieces[piece].normal) < 0.0))
-    });
-    starts.collect()
 }
 
 #[cfg(test)]
@@ -407,6 +455,58 @@ mod tests {
         check(&both, 1, emitter.flux);
         let normals: Vec<Vec3> = both.lights(1, 4).iter().map(|l| l.normal).collect();
         assert_eq!(normals, [Vec3::Z, -Vec3::Z]);
+    }
+
+    #[test]
+    fn changed_paths_leave_the_tree_of_a_new_one() {
+        let crate_ = box_quads(Vec3::splat(-0.2), Vec3::splat(0.2), false);
+        let mut scene = room(0.5);
+        add_quads(&mut scene, &crate_, lamp(true));
+        let bvh = SceneBvh::build(&scene);
+        let settings = PathSettings::for_paths(&scene, 700);
+        let all = trace(&scene, &bvh, &settings).lights[&3].clone();
+        let emitter = Emitter::new(&scene, 0);
+        let scale = FluxScale::new(settings.flux_per_path);
+        let build =
+            |paths: &LightPaths| ApertureTree::new(&scene.lights[0], &emitter, paths, &scale);
+        let mut paths = all.clone();
+        let mut tree = build(&paths);
+        // Most go dark, one after the other, then come back in another order with something nearer, or at all.
+        let order: Vec<usize> = (0..all.paths.len())
+            .map(|i| i * 311 % all.paths.len())
+            .collect();
+        for (step, &i) in order.iter().chain(order.iter().rev()).enumerate() {
+            let old = paths.paths[i].emission;
+            let mut new = all.paths[i].emission;
+            if step < order.len() {
+                new.scatter.distance = f32::INFINITY;
+            } else if i % 2 == 0 {
+                new.scatter.distance *= 0.5;
+            }
+            paths.paths[i].emission = new;
+            tree.change(&EmissionChange {
+                light: 3,
+                path: i as u32,
+                old: Some(old),
+                new: Some(new),
+            });
+            if step % 100 == 0 {
+                assert_eq!(tree, build(&paths));
+            }
+        }
+        assert_eq!(tree, build(&paths));
+        let mut found = 0;
+        for path in &all.paths {
+            let way = tree.locate(&path.emission);
+            let leaf = tree.node(way).expect("a leaf");
+            assert_eq!(leaf.parts(), 0);
+            let Content::Leaf(starts) = &leaf.content else {
+                continue;
+            };
+            found += usize::from(starts.iter().any(|s| s.position == path.emission.position));
+        }
+        assert_eq!(found, tree.root.count);
+        assert_ne!(tree, build(&all));
     }
 
     #[test]

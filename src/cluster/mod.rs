@@ -6,9 +6,11 @@ mod border;
 pub mod cell;
 pub mod evaluate;
 pub mod facet;
+pub mod invalid;
 pub mod octree;
 pub mod polygon;
 pub mod similarity;
+mod starts;
 pub mod wanted;
 #[cfg(test)]
 mod wanted_tests;
@@ -20,6 +22,7 @@ use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
 use crate::scene::Scene;
+use crate::transport::Emission;
 use crate::transport::emission::Emitter;
 use crate::transport::paths::{PathSet, PathSettings, emitters};
 use crate::transport::validate::Differences;
@@ -28,6 +31,7 @@ use aperture::ApertureTree;
 pub use balance::{Balancer, Budget, Cut, Forest, Step};
 use border::Border;
 pub use cell::Cell;
+pub use invalid::Ledger;
 pub use octree::{FluxScale, Octree};
 use similarity::Groups;
 pub use similarity::SimilaritySettings;
@@ -179,12 +183,18 @@ impl Clusters {
         for [old, new] in &differences.rescattered {
             self.octree.rescatter(old, new);
         }
-        let lights = differences.lights.iter().map(|l| l.light);
-        let touched: BTreeSet<u32> = lights
-            .chain(differences.emissions.iter().map(|e| e.light))
-            .collect();
+        let version = self.octree.version();
+        let changed: BTreeSet<u32> = differences.lights.iter().map(|l| l.light).collect();
+        for emission in &differences.emissions {
+            if let Some((made, tree)) = self.apertures.get_mut(&emission.light)
+                && !changed.contains(&emission.light)
+            {
+                tree.change(emission);
+                *made = version;
+            }
+        }
         for (index, light) in scene.lights.iter().enumerate() {
-            if !touched.contains(&light.id()) {
+            if !changed.contains(&light.id()) {
                 continue;
             }
             if let Some(paths) = paths.lights.get(&light.id()) {
@@ -194,12 +204,18 @@ impl Clusters {
                     paths,
                     self.octree.scale(),
                 );
-                self.apertures
-                    .insert(light.id(), (self.octree.version(), tree));
+                self.apertures.insert(light.id(), (version, tree));
             }
         }
         self.apertures
             .retain(|light, _| paths.lights.contains_key(light));
+    }
+
+    /// The way to the leaf of a light's tree that a path leaves from; the root for other lights.
+    fn locate(&self, light: u32, emission: &Emission) -> u64 {
+        self.apertures
+            .get(&light)
+            .map_or(1, |a| a.1.locate(emission))
     }
 
     fn aperture_lights(&self, light: u32, path: u64) -> Vec<VirtualLight> {

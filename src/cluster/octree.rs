@@ -26,6 +26,11 @@ impl FluxScale {
         }
     }
 
+    /// The lumens of a path.
+    pub fn flux_per_path(&self) -> f64 {
+        24f64.exp2() / self.units_per_lumen
+    }
+
     /// Lumens to units, rounded.
     pub fn units(&self, flux: Vec3) -> [i64; 3] {
         flux.to_array()

@@ -9,10 +9,12 @@ use super::border::join;
 use super::similarity::Groups;
 use super::{Budget, Cell, CellId, Clusters, Selected, SimilaritySettings, Wanted};
 use crate::scene::Scene;
+use crate::scene::edit::Change;
 use crate::transport::bvh::SceneBvh;
 use crate::transport::paths::{PathSettings, trace};
 use crate::transport::testing::cornell;
-use crate::transport::validate::Differences;
+use crate::transport::validate::{Differences, Validator};
+use crate::transport::validate_tests::{edit, lit};
 use crate::transport::{PathSet, Vpl};
 
 fn traced(paths: u32) -> (Scene, PathSet, PathSettings) {
@@ -86,6 +88,46 @@ proptest! {
                 check_joins(&known);
             }
         }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+    #[test]
+    fn edits_leave_no_trace(edits in prop::collection::vec((edit(), 0usize..3), 1..8)) {
+        let mut scene = lit();
+        let mut bvh = SceneBvh::build(&scene);
+        let settings = PathSettings::for_paths(&scene, 400);
+        let similarity = SimilaritySettings::default();
+        let mut validator = Validator::new(&scene, &bvh, &settings);
+        let mut clusters = Clusters::new(&scene, validator.paths(), &settings, similarity);
+        let mut wanted = Wanted::new();
+        for (edit, steps) in edits {
+            let old = scene.clone();
+            edit.apply(&mut scene);
+            let change = Change::between(&old, &scene);
+            bvh = bvh.moved(&scene, &change.objects);
+            validator.invalidate(&scene, &change);
+            for _ in 0..steps {
+                let differences = validator.step(&scene, &bvh, 60);
+                clusters.apply(&scene, validator.paths(), &differences);
+                wanted.update(&clusters, Budget::Cells(60));
+            }
+        }
+        while !validator.is_valid() {
+            let differences = validator.step(&scene, &bvh, 100);
+            clusters.apply(&scene, validator.paths(), &differences);
+        }
+        wanted.update(&clusters, Budget::Cells(60));
+        let paths = trace(&scene, &SceneBvh::build(&scene), &settings);
+        let fresh = Clusters::new(&scene, &paths, &settings, similarity);
+        prop_assert_eq!(&clusters.octree, &fresh.octree);
+        let trees = |c: &Clusters| -> Vec<_> {
+            c.apertures.iter().map(|(l, (_, tree))| (*l, tree.clone())).collect()
+        };
+        prop_assert_eq!(trees(&clusters), trees(&fresh));
+        prop_assert_eq!(wanted.cells(), &from_nothing(&fresh, Budget::Cells(60)));
+        prop_assert_eq!(wanted.error(), fresh.select(Budget::Cells(60)).error);
     }
 }
 

@@ -10,7 +10,7 @@ pub(crate) mod testing;
 mod touched;
 pub mod validate;
 #[cfg(test)]
-mod validate_tests;
+pub(crate) mod validate_tests;
 
 use glam::Vec3;
 

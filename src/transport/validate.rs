@@ -26,8 +26,8 @@ pub struct Validator {
     paths: PathSet,
     emitters: Emitters,
     marks: BTreeMap<u32, Marks>,
-    /// Flux of the lights that have changed since the last step, before that.
-    relit: BTreeMap<u32, Vec3>,
+    /// Lights that have changed since the last step: their flux before that, and whether they moved.
+    relit: BTreeMap<u32, (Vec3, bool)>,
 }
 
 /// What is to be done about the paths of a light.
@@ -88,6 +88,8 @@ pub struct LightChange {
     pub light: u32,
     /// Radiant flux in lumens, linear RGB: before and after; zero where it was not or is not there.
     pub flux: [Vec3; 2],
+    /// Paths leave it along other rays or with another colour; else it was at most dimmed.
+    pub moved: bool,
 }
 
 impl Validator {
@@ -198,13 +200,13 @@ impl Validator {
         for &light in lights {
             let paths = self.paths.lights.entry(light).or_default();
             let marks = self.marks.entry(light).or_default();
-            self.relit.entry(light).or_insert(paths.flux);
+            let relit = self.relit.entry(light).or_insert((paths.flux, false));
             match indices.get(&light) {
                 Some(&index) => {
                     let emitter = Arc::new(Emitter::new(scene, index));
                     paths.flux = emitter.flux;
                     marks.target = self.settings.paths_of(&emitter) as usize;
-                    mark_moved(&self.settings, light, &emitter, paths, marks);
+                    relit.1 |= mark_moved(&self.settings, light, &emitter, paths, marks);
                     self.emitters.insert(light, emitter);
                 }
                 None => {
@@ -223,9 +225,10 @@ impl Validator {
         let mut differences = Differences {
             lights: std::mem::take(&mut self.relit)
                 .into_iter()
-                .map(|(light, old)| LightChange {
+                .map(|(light, (old, moved))| LightChange {
                     light,
                     flux: [old, self.paths.lights[&light].flux],
+                    moved,
                 })
                 .collect(),
             ..Default::default()
@@ -324,14 +327,14 @@ impl Validator {
     }
 }
 
-/// Marks the paths that no longer leave their light as they did.
+/// Marks the paths that no longer leave their light as they did; whether there are any.
 fn mark_moved(
     settings: &PathSettings,
     light: u32,
     emitter: &Emitter,
     paths: &LightPaths,
     marks: &mut Marks,
-) {
+) -> bool {
     let sequence = Sequence::new(settings.seed, light);
     let dark = mean(emitter.flux) <= 0.0;
     paths
@@ -340,7 +343,7 @@ fn mark_moved(
         .zip(&mut marks.first)
         .enumerate()
         .with_min_len(256)
-        .for_each(|(i, (path, first))| {
+        .map(|(i, (path, first))| {
             let now = |ray: super::emission::EmittedRay| {
                 let scatter = Scatter {
                     direction: ray.direction,
@@ -348,10 +351,13 @@ fn mark_moved(
                 };
                 ray.emission(scatter)
             };
-            if *first != 0 && (dark || now(emitter.emit(&sequence, i as u32)) != path.emission) {
+            let moved = !dark && now(emitter.emit(&sequence, i as u32)) != path.emission;
+            if moved {
                 *first = 0;
             }
-        });
+            moved
+        })
+        .reduce(|| false, |a, b| a | b)
 }
 
 impl Differences {

@@ -15,7 +15,7 @@ use crate::scene::edit::Change;
 use crate::scene::{AlphaMode, Aperture, Light, Mesh, Scene};
 
 /// Cornell with a spot, a point and a sun that shines through its open side.
-fn lit() -> Scene {
+pub(crate) fn lit() -> Scene {
     let mut scene = cornell();
     let aim = |x: f32, at: Vec3| Affine3A::from_rotation_translation(Quat::from_rotation_x(x), at);
     let spot = Aperture::Spot {
@@ -45,8 +45,9 @@ fn lit() -> Scene {
     scene
 }
 
+/// What a user may do, to the scene itself.
 #[derive(Clone, Debug)]
-enum Edit {
+pub(crate) enum Edit {
     Move(usize, Vec3, f32),
     Copy(usize, Vec3),
     Remove(usize),
@@ -58,7 +59,7 @@ enum Edit {
     Switch(usize),
 }
 
-fn edit() -> impl Strategy<Value = Edit> {
+pub(crate) fn edit() -> impl Strategy<Value = Edit> {
     let at = || (-0.5f32..0.5, -0.5f32..0.5, -0.5f32..0.5).prop_map(|(x, y, z)| Vec3::new(x, y, z));
     let color = || (0.0f32..1.0, 0.0f32..1.0, 0.0f32..1.0).prop_map(|(x, y, z)| Vec3::new(x, y, z));
     let i = 0usize..20;
@@ -76,7 +77,7 @@ fn edit() -> impl Strategy<Value = Edit> {
 }
 
 impl Edit {
-    fn apply(&self, scene: &mut Scene) {
+    pub(crate) fn apply(&self, scene: &mut Scene) {
         let objects = scene.objects.len();
         let materials = scene.materials.len();
         let punctual: Vec<usize> = (0..scene.lights.len())
