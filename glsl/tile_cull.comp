@@ -48,7 +48,9 @@ bool differs(uint i, vec3 center, vec3 extent) {
 void main() {
     uint tile = gl_GlobalInvocationID.x;
     if (tile >= tile_count) return;
-    Instance instance = instances.at[tiles.at[tile].instance];
+    uint whose = tiles.at[tile].instance;
+    if (whose == NONE) return;
+    Instance instance = instances.at[whose];
     if (instance.until == 0) return;
     vec3 center = tiles.at[tile].center;
     vec3 extent = tiles.at[tile].extent;

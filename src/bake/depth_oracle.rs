@@ -49,7 +49,7 @@ fn triangles(numbers: &mut Numbers, count: usize) -> Vec<[Vec3; 3]> {
 fn compare(gpu: &Gpu, numbers: &mut Numbers, scene: &Scene, triangles: &[[Vec3; 3]], stops: Stops) {
     let occluders = Occluders::new(gpu, scene).expect("upload");
     let mut shadow = ShadowPass::new(gpu, 1 << 20).expect("buffers");
-    let versions = Versions::new(gpu, 1, bounds()).expect("buffers");
+    let versions = Versions::new(gpu, &[true], bounds()).expect("buffers");
     for kind in [1, 4] {
         let light = random_light(numbers, kind);
         let sizes = ShadowSizes { sun: 96, ..SIZES };

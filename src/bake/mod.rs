@@ -1,8 +1,10 @@
 //! The loop: what is accumulated when, and the passes that do it, each beside the shader of the same stem.
 
 mod accumulate;
+mod baker;
 mod cutout;
 mod enclosed;
+mod journal;
 mod list;
 mod occluders;
 mod place;
@@ -11,6 +13,7 @@ mod progress;
 mod records;
 mod report;
 mod run;
+mod schedule;
 mod settings;
 mod shaders;
 mod shadow;
@@ -20,11 +23,14 @@ mod update;
 pub mod uv_raster;
 mod versions;
 
+pub use baker::{Baker, Limit, Progress, TURNS_AT};
+pub use journal::Entry;
 pub use occluders::Occluders;
 pub use place::Receivers;
-pub use progress::{Progress, Silent, Stage};
+pub use progress::{Listener, Silent, Stage};
 pub use report::{AtlasReport, Counts, Report};
 pub use run::{BakeError, Baked, Job, bake};
+pub use schedule::Kind;
 pub use settings::{
     Clusters, MAX_BOUNCES, Options, Preset, Quality, Settings, SettingsError, fixed_point_bits,
 };

@@ -15,6 +15,7 @@ use super::versions::Versions;
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Stage};
 use crate::lightmap::Texel;
+use crate::lightmap::texels::Texels;
 use crate::scene::{AlphaMode, Bounds, Material, Mesh, Object, Primitive, Scene};
 
 /// The device under test, with the validation layer where it is installed.
@@ -151,10 +152,14 @@ fn accumulate(
     lights: &[(VirtualLight, i32)],
 ) -> Vec<[f64; 3]> {
     let occluders = Occluders::new(gpu, scene).expect("upload");
-    let tiles = 0..(texels.len() / Texel::TILE) as u32;
-    let receivers = Receivers::new(gpu, scene, texels, &[tiles]).expect("place");
+    let texels = Texels {
+        list: texels.to_vec(),
+        tiles: std::iter::once(0..(texels.len() / Texel::TILE) as u32).collect(),
+        count: texels.len() as u32,
+    };
+    let receivers = Receivers::new(gpu, scene, &[true], &texels).expect("place");
     let mut shadow = ShadowPass::new(gpu, 16 << 20).expect("buffers");
-    let versions = Versions::new(gpu, 1, bounds()).expect("buffers");
+    let versions = Versions::new(gpu, &[true], bounds()).expect("buffers");
     let mut pass = AccumulatePass::new(gpu, &receivers, EVALUATION).expect("buffers");
     for batch in lights.chunks(8) {
         let (mut views, mut offset) = (Vec::new(), 0);

@@ -11,6 +11,7 @@ use super::shaders;
 use super::shared::{NONE, TILE};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 use crate::lightmap::Texel;
+use crate::lightmap::texels::Texels;
 use crate::scene::Scene;
 
 /// Receivers in world space and their tiles, on the device.
@@ -43,14 +44,9 @@ struct Push {
 const STRIDE: u32 = 1 << 15;
 
 impl Receivers {
-    /// `texels`: whole tiles, as [`crate::lightmap::texels`] lists them, and each object's. Object `i` is instance `i`.
-    pub fn new(
-        gpu: &Gpu,
-        scene: &Scene,
-        texels: &[Texel],
-        tiles_of: &[Range<u32>],
-    ) -> Result<Self> {
-        let tiles = texels.len() as u32 / TILE;
+    /// `texels` of all objects; object `i` is instance `i`, if it is `standing`.
+    pub fn new(gpu: &Gpu, scene: &Scene, standing: &[bool], texels: &Texels) -> Result<Self> {
+        let tiles = texels.list.len() as u32 / TILE;
         let placements: Vec<Placement> = scene
             .objects
             .iter()
@@ -59,19 +55,34 @@ impl Receivers {
         let (receiver, tile) = (size_of::<Receiver>() as u64, size_of::<Tile>() as u64);
         let mut pool = Pool::default();
         pool.take(tiles);
+        let taken: BTreeMap<u32, Range<u32>> = (0..)
+            .zip(texels.tiles.iter().cloned())
+            .zip(standing)
+            .filter_map(|(taken, stands)| stands.then_some(taken))
+            .collect();
         let out = Self {
-            receivers: gpu.buffer("receivers", texels.len() as u64 * receiver, Memory::Device)?,
+            receivers: gpu.buffer(
+                "receivers",
+                texels.list.len() as u64 * receiver,
+                Memory::Device,
+            )?,
             tiles: gpu.buffer("tiles", u64::from(tiles) * tile, Memory::Device)?,
-            texels: gpu.buffer_with("texels", texels)?,
+            texels: gpu.buffer_with("texels", &texels.list)?,
             placements: gpu.buffer_with("placements", &placements)?,
             pipeline: gpu.pipeline(shaders::PLACE, &[])?,
             pool,
-            taken: (0..).zip(tiles_of.iter().cloned()).collect(),
+            taken,
             texel_tiles: tiles,
         };
         let mut cmd = gpu.commands()?;
+        // Tiles of objects that are nowhere are no instance's.
+        cmd.fill(&out.tiles, 0, out.tiles.size() & !3, NONE);
         cmd.barrier(Stage::Transfer, Stage::Compute);
-        out.dispatch(&mut cmd, 0..tiles, 0, NONE);
+        let ranges: Vec<&Range<u32>> = out.taken.values().filter(|r| !r.is_empty()).collect();
+        for run in ranges.chunk_by(|a, b| a.end == b.start) {
+            let range = run[0].start..run[run.len() - 1].end;
+            out.dispatch(&mut cmd, range.clone(), range.start, NONE);
+        }
         cmd.barrier(Stage::Compute, Stage::Compute);
         cmd.submit()?.wait()?;
         Ok(out)

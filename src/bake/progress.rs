@@ -1,6 +1,8 @@
 //! How a bake says where it is, without knowing who listens.
 
-use std::time::Duration;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 /// The stages of a bake, in order of their ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -41,7 +43,7 @@ impl Stage {
 }
 
 /// Listens to a bake. Calls come from several threads.
-pub trait Progress: Sync {
+pub trait Listener: Sync {
     /// `done` of `total` things of a stage are done.
     fn at(&self, stage: Stage, done: u64, total: u64);
     /// A stage has ended and took this long.
@@ -51,7 +53,40 @@ pub trait Progress: Sync {
 /// Listens to nothing.
 pub struct Silent;
 
-impl Progress for Silent {
+impl Listener for Silent {
     fn at(&self, _: Stage, _: u64, _: u64) {}
     fn ended(&self, _: Stage, _: Duration) {}
+}
+
+/// Seconds by stage, told to the listener as they end.
+pub(super) struct Stages<'a> {
+    pub(super) listener: &'a dyn Listener,
+    seconds: Mutex<BTreeMap<Stage, f64>>,
+}
+
+impl<'a> Stages<'a> {
+    pub(super) fn new(listener: &'a dyn Listener) -> Self {
+        Self {
+            listener,
+            seconds: Mutex::default(),
+        }
+    }
+
+    pub(super) fn time<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
+        self.listener.at(stage, 0, 1);
+        let start = Instant::now();
+        let result = work();
+        let took = start.elapsed();
+        let mut seconds = self.seconds.lock().unwrap_or_else(|e| e.into_inner());
+        *seconds.entry(stage).or_default() += took.as_secs_f64();
+        drop(seconds);
+        self.listener.ended(stage, took);
+        result
+    }
+
+    /// By name.
+    pub(super) fn seconds(&self) -> BTreeMap<&'static str, f64> {
+        let seconds = self.seconds.lock().unwrap_or_else(|e| e.into_inner());
+        seconds.iter().map(|(s, t)| (s.name(), *t)).collect()
+    }
 }

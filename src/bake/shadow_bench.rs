@@ -16,7 +16,7 @@ use crate::scene::{Bounds, Scene};
 pub struct ShadowBench {
     gpu: Gpu,
     occluders: Occluders,
-    objects: u32,
+    objects: usize,
     bounds: Bounds,
     /// Points on surfaces and the sides they face.
     points: Vec<(Vec3, Vec3)>,
@@ -62,7 +62,7 @@ impl ShadowBench {
         Ok(Self {
             gpu: gpu.clone(),
             occluders: Occluders::new(gpu, scene)?,
-            objects: scene.objects.len() as u32,
+            objects: scene.objects.len(),
             bounds: scene.bounds(),
             points,
         })
@@ -82,7 +82,7 @@ impl ShadowBench {
         let batch = (64 << 20) / pixels;
         let batch = batch.clamp(1, u64::from(BATCH)) as usize;
         let mut pass = ShadowPass::new(&self.gpu, pixels * batch as u64)?;
-        let versions = Versions::new(&self.gpu, self.objects, self.bounds)?;
+        let versions = Versions::new(&self.gpu, &vec![true; self.objects], self.bounds)?;
         let views: Vec<View> = self
             .points
             .iter()

@@ -75,9 +75,11 @@ impl Illumination {
         let elements = (3 * square(sizes.indirect) * u64::from(BATCH))
             .min(DEPTH_ELEMENTS)
             .max(largest);
-        let receivers = Receivers::new(gpu, scene, &texels.list, &texels.tiles)?;
+        let objects = scene.objects.len() as u32;
+        let standing: Vec<bool> = (0..objects).map(|o| stands(scene, o)).collect();
+        let receivers = Receivers::new(gpu, scene, &standing, texels)?;
         Ok(Self {
-            versions: Versions::new(gpu, scene.objects.len() as u32, scene.bounds())?,
+            versions: Versions::new(gpu, &standing, scene.bounds())?,
             occluders: Occluders::new(gpu, scene)?,
             shadow: ShadowPass::new(gpu, elements)?,
             accumulate: AccumulatePass::new(gpu, &receivers, evaluation)?,
@@ -99,6 +101,11 @@ impl Illumination {
     /// The version that lights are added under.
     pub fn version(&self) -> Version {
         self.versions.current()
+    }
+
+    /// Where a version differs from the current one.
+    pub(super) fn between(&self, version: Version) -> Vec<Region> {
+        self.versions.between(version, self.versions.current())
     }
 
     /// Begins a version in which `objects` are where `scene` has them; `boxes` bound what they occupied before and what
@@ -124,7 +131,7 @@ impl Illumination {
         let (mut standing, mut instances) = (Vec::new(), Vec::new());
         for &object in objects {
             self.versions.end_instance(object);
-            if scene.mesh(object).triangles.is_empty() {
+            if !stands(scene, object) {
                 continue;
             }
             let instance = self.versions.begin_instance(object);
@@ -353,4 +360,9 @@ impl Illumination {
         }
         Ok(())
     }
+}
+
+/// Whether an object is anywhere in a scene.
+fn stands(scene: &Scene, object: u32) -> bool {
+    (object as usize) < scene.objects.len() && !scene.is_gone(object)
 }

@@ -36,19 +36,20 @@ pub(super) struct Versions {
 }
 
 impl Versions {
-    /// Version 0: instance `i` is object `i`.
-    pub(super) fn new(gpu: &Gpu, objects: u32, bounds: Bounds) -> Result<Self> {
-        let table = vec![
-            Instance {
+    /// Version 0: instance `i` is object `i`, if that is anywhere.
+    pub(super) fn new(gpu: &Gpu, standing: &[bool], bounds: Bounds) -> Result<Self> {
+        let table: Vec<Instance> = standing
+            .iter()
+            .map(|stands| Instance {
                 since: 0,
-                until: Version::MAX,
+                until: if *stands { Version::MAX } else { 0 },
                 crowded: 0,
-            };
-            objects as usize
-        ];
+            })
+            .collect();
+        let here = || (0..).zip(standing).filter(|(_, stands)| **stands);
         let buffer = gpu.buffer(
             "instances",
-            u64::from(objects + 64) * size_of::<Instance>() as u64,
+            (table.len() + 64) as u64 * size_of::<Instance>() as u64,
             Memory::Device,
         )?;
         buffer.write(0, &table)?;
@@ -57,8 +58,8 @@ impl Versions {
             bounds: BTreeMap::from([(0, bounds)]),
             changed: BTreeMap::new(),
             table,
-            object: (0..objects).map(|i| (i, i)).collect(),
-            current_of: (0..objects).map(|i| (i, i)).collect(),
+            object: here().map(|(i, _)| (i, i)).collect(),
+            current_of: here().map(|(i, _)| (i, i)).collect(),
             buffer,
         })
     }

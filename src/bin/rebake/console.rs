@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
-use rebake::bake::{Progress, Stage};
+use rebake::bake::{Listener, Stage};
 use serde_json::json;
 
 use super::args::Args;
@@ -93,7 +93,7 @@ impl Console {
     }
 }
 
-impl Progress for Console {
+impl Listener for Console {
     fn at(&self, stage: Stage, done: u64, total: u64) {
         if !matches!(self.mode, Mode::Bars) {
             return;

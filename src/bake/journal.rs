@@ -1,0 +1,86 @@
+//! What was done to the map, update by update: enough to take it all back again, since every update can be undone exactly.
+
+use std::time::Instant;
+
+use super::schedule::{Held, Kind};
+use super::versions::Version;
+use crate::cluster::CellId;
+
+/// One update.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Which process asked for it.
+    pub kind: Kind,
+    /// Seconds after the journal was begun.
+    pub seconds: f64,
+    /// Lumens that the plan still counted as wrong afterwards.
+    pub invalid_flux: f64,
+    /// The version that lights were added under.
+    pub(super) version: Version,
+    /// Cells that left, with what they held.
+    pub(super) subtracted: Vec<Held>,
+    /// Cells that came.
+    pub(super) added: Vec<Held>,
+    /// A cell that only went from its version to the current one.
+    pub(super) advanced: Option<Held>,
+}
+
+impl Entry {
+    pub(super) fn new(kind: Kind, version: Version) -> Self {
+        Self {
+            kind,
+            seconds: 0.0,
+            invalid_flux: 0.0,
+            version,
+            subtracted: Vec::new(),
+            added: Vec::new(),
+            advanced: None,
+        }
+    }
+
+    /// The first of its cells.
+    pub fn cell(&self) -> Option<CellId> {
+        let cells = self.advanced.iter().chain(&self.subtracted);
+        cells.chain(&self.added).map(|h| h.selected.cell).min()
+    }
+
+    /// Virtual lights taken away, added, and limited to the shadows of what changed.
+    pub fn lights(&self) -> [u64; 3] {
+        let count = |held: &[Held]| held.iter().map(|h| h.selected.lights.len() as u64).sum();
+        [
+            count(&self.subtracted),
+            count(&self.added),
+            count(self.advanced.as_slice()),
+        ]
+    }
+}
+
+/// The updates since it was begun; keeps nothing until then.
+#[derive(Debug, Default)]
+pub(super) struct Journal(Option<(Instant, Vec<Entry>)>);
+
+impl Journal {
+    /// Begins to keep updates; those kept until now are gone.
+    pub(super) fn begin(&mut self) {
+        self.0 = Some((Instant::now(), Vec::new()));
+    }
+
+    pub(super) fn is_on(&self) -> bool {
+        self.0.is_some()
+    }
+
+    pub(super) fn note(&mut self, entry: Entry, invalid_flux: f64) {
+        if let Some((start, entries)) = &mut self.0 {
+            entries.push(Entry {
+                seconds: start.elapsed().as_secs_f64(),
+                invalid_flux,
+                ..entry
+            });
+        }
+    }
+
+    /// Ends it and hands over what it kept.
+    pub(super) fn end(&mut self) -> Vec<Entry> {
+        self.0.take().map_or_else(Vec::new, |(_, entries)| entries)
+    }
+}

@@ -1,0 +1,303 @@
+//! What to do next: the differences between what the map holds and what it should hold, cut into updates that keep every
+//! lumen counted once, the most visible first (IBGI section 4.4).
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::records::Region;
+use super::versions::Version;
+use crate::cluster::{CellId, Selected, Shape, VirtualLight};
+
+/// A cell whose lights are in the map.
+#[derive(Clone, Debug)]
+pub(super) struct Held {
+    pub selected: Arc<Selected>,
+    /// The scene that they were added in.
+    pub version: Version,
+}
+
+/// The two processes that IBGI interleaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Brings light up to date with the scene.
+    Validation,
+    /// Refines cells, or merges them.
+    Balancing,
+}
+
+/// A change of the map that is done whole or not at all.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Update {
+    pub kind: Kind,
+    pub what: What,
+    /// Lumens that are wrong until then, estimated.
+    pub gain: f64,
+    /// The share of its cells' flux that these are, at most 1.
+    pub invalid: f64,
+    /// Evaluations of whole lights, estimated.
+    pub cost: f64,
+    /// Lights to send to the device.
+    pub lights: u64,
+}
+
+/// Which cells an update is about.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum What {
+    /// The cell's lights are the right ones, but were added in an earlier scene.
+    Advance(CellId),
+    /// Some cells leave, others come.
+    Exchange {
+        subtract: Vec<CellId>,
+        add: Vec<CellId>,
+    },
+}
+
+/// What advancing a light costs of evaluating it twice: it is limited to the shadows of what changed.
+const LIMITED: f64 = 0.1;
+/// Of a virtual light that only changed its shape, how much of its flux counts as wrong: its place in the cell is new,
+/// most of what it lights is not.
+const RESHAPED: f64 = 0.1;
+
+/// Everything that has to be done, in the order in which to do it, balancing apart from validation.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Plan {
+    validation: Vec<Update>,
+    balancing: Vec<Update>,
+    /// What validation is owed (eq. 2).
+    owed: f64,
+}
+
+impl Plan {
+    /// Puts updates in order; ties fall to the order given.
+    pub(super) fn new(updates: Vec<Update>, owed: f64) -> Self {
+        let (mut validation, mut balancing): (Vec<_>, Vec<_>) = updates
+            .into_iter()
+            .partition(|u| u.kind == Kind::Validation);
+        for list in [&mut validation, &mut balancing] {
+            // The next one is at the end.
+            list.reverse();
+            list.sort_by(|a, b| (a.gain / a.cost).total_cmp(&(b.gain / b.cost)));
+        }
+        Self {
+            validation,
+            balancing,
+            owed,
+        }
+    }
+
+    /// The next update by the ratio rule (eq. 2): from validation alone, where much is invalid, to turns. `t`: the share of
+    /// invalid flux at which both take turns.
+    pub(super) fn next(&mut self, t: f64) -> Option<Update> {
+        let (Some(next), false) = (self.validation.last(), self.balancing.is_empty()) else {
+            return self.validation.pop().or_else(|| self.balancing.pop());
+        };
+        self.owed += ratio(next.invalid, t);
+        if self.owed >= 1.0 {
+            self.owed -= 1.0;
+            self.validation.pop()
+        } else {
+            self.balancing.pop()
+        }
+    }
+
+    pub(super) fn owed(&self) -> f64 {
+        self.owed
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.validation.len() + self.balancing.len()
+    }
+
+    /// Lights to send to the device.
+    pub(super) fn lights(&self) -> u64 {
+        let updates = self.validation.iter().chain(&self.balancing);
+        updates.map(|u| u.lights).sum()
+    }
+
+    /// Lumens that are wrong, estimated.
+    pub(super) fn invalid_flux(&self) -> f64 {
+        self.validation.iter().map(|u| u.gain).sum()
+    }
+}
+
+/// The share of updates that validation gets (eq. 2).
+fn ratio(invalid: f64, t: f64) -> f64 {
+    invalid
+        .clamp(0.0, 1.0)
+        .powf(0.5f64.ln() / t.clamp(1e-6, 0.999).ln())
+        .max(0.5)
+}
+
+/// Groups of cells to exchange, from held to wanted: cells that overlap go together, and so do neighbours that swapped VPLs
+/// over their border otherwise than before. Cells that are held as they are wanted are in no group.
+pub(super) fn exchanges(
+    held: &BTreeMap<CellId, Held>,
+    wanted: &BTreeMap<CellId, Arc<Selected>>,
+    parent: impl Fn(&CellId) -> Option<CellId>,
+) -> Vec<(Vec<CellId>, Vec<CellId>)> {
+    let same = |a: &Arc<Selected>, b: &Arc<Selected>| Arc::ptr_eq(a, b) || a == b;
+    let leaving: BTreeSet<CellId> = held
+        .iter()
+        .filter(|(id, h)| !wanted.get(id).is_some_and(|w| same(&h.selected, w)))
+        .map(|(id, _)| *id)
+        .collect();
+    let coming: BTreeSet<CellId> = wanted
+        .iter()
+        .filter(|(id, w)| !held.get(id).is_some_and(|h| same(&h.selected, w)))
+        .map(|(id, _)| *id)
+        .collect();
+    let mut groups = Groups::default();
+    for (cells, others) in [(&leaving, &coming), (&coming, &leaving)] {
+        for cell in cells {
+            groups.root(*cell);
+            let above = std::iter::successors(parent(cell), &parent);
+            if let Some(top) = above.into_iter().find(|a| others.contains(a)) {
+                groups.join(*cell, top);
+            }
+        }
+    }
+    let none: &[(CellId, u64)] = &[];
+    for cell in leaving.union(&coming) {
+        let old = held.get(cell).map_or(none, |h| &h.selected.joins);
+        let new = wanted.get(cell).map_or(none, |w| &w.joins);
+        let differ = |a: &[(CellId, u64)], b: &[(CellId, u64)]| {
+            let a = a.iter().filter(|j| !b.contains(j));
+            a.map(|j| j.0).collect::<Vec<_>>()
+        };
+        for other in differ(old, new).into_iter().chain(differ(new, old)) {
+            if leaving.contains(&other) || coming.contains(&other) {
+                groups.join(*cell, other);
+            }
+        }
+    }
+    let mut out: BTreeMap<CellId, (Vec<CellId>, Vec<CellId>)> = BTreeMap::new();
+    for cell in &leaving {
+        out.entry(groups.root(*cell)).or_default().0.push(*cell);
+    }
+    for cell in &coming {
+        out.entry(groups.root(*cell)).or_default().1.push(*cell);
+    }
+    out.into_values().collect()
+}
+
+/// Disjoint sets of cells.
+#[derive(Default)]
+struct Groups(BTreeMap<CellId, CellId>);
+
+impl Groups {
+    fn root(&mut self, cell: CellId) -> CellId {
+        let up = *self.0.entry(cell).or_insert(cell);
+        if up == cell {
+            return cell;
+        }
+        let root = self.root(up);
+        self.0.insert(cell, root);
+        root
+    }
+
+    fn join(&mut self, a: CellId, b: CellId) {
+        let (a, b) = (self.root(a), self.root(b));
+        // The smaller name leads, so that the result does not depend on the order of joins.
+        self.0.insert(a.max(b), a.min(b));
+    }
+}
+
+/// The update that exchanges cells. `key`: the balancing metric. `invalid`: lumens known to be wrong in a held cell.
+pub(super) fn exchange(
+    (subtract, add): (Vec<CellId>, Vec<CellId>),
+    held: &BTreeMap<CellId, Held>,
+    wanted: &BTreeMap<CellId, Arc<Selected>>,
+    key: impl Fn(&CellId) -> f64,
+) -> Update {
+    let old: Vec<&VirtualLight> = subtract
+        .iter()
+        .flat_map(|c| &held[c].selected.lights)
+        .collect();
+    let new: Vec<&VirtualLight> = add.iter().flat_map(|c| &wanted[c].lights).collect();
+    let balancing = !subtract.is_empty() && !add.is_empty() && subtract != add;
+    let sum = |lights: &[&VirtualLight]| lights.iter().map(|l| l.flux).sum::<Vec3>();
+    let (flux_old, flux_new) = (sum(&old), sum(&new));
+    let share = |l: &&&VirtualLight| if l.direct { 1.0 } else { RESHAPED };
+    let alone = |a: &[&VirtualLight], b: &[&VirtualLight]| -> f64 {
+        let lights = a.iter().filter(|l| !b.contains(l));
+        lights.map(|l| share(&l) * lumens(l.flux)).sum()
+    };
+    let moved = alone(&old, &new).max(alone(&new, &old));
+    let wrong = lumens((flux_new - flux_old).abs()).max(moved);
+    let whole = lumens(flux_old).max(lumens(flux_new));
+    let keys = |cells: &[CellId]| cells.iter().map(&key).sum::<f64>();
+    Update {
+        kind: if balancing {
+            Kind::Balancing
+        } else {
+            Kind::Validation
+        },
+        gain: if balancing {
+            (keys(&subtract) - keys(&add)).abs()
+        } else {
+            wrong
+        },
+        invalid: if whole > 0.0 { (wrong / whole).min(1.0) } else { 0.0 },
+        cost: (old.len() + new.len()).max(1) as f64,
+        lights: (old.len() + new.len()) as u64,
+        what: What::Exchange { subtract, add },
+    }
+}
+
+/// The update that brings a held cell to the current version; `regions` is where that differs from the cell's.
+pub(super) fn advance(cell: CellId, held: &Held, regions: &[Region]) -> Update {
+    let lights = &held.selected.lights;
+    let gain: f64 = lights.iter().map(|l| intercepted(l, regions)).sum();
+    let whole: f64 = lights.iter().map(|l| lumens(l.flux)).sum();
+    Update {
+        kind: Kind::Validation,
+        what: What::Advance(cell),
+        gain,
+        invalid: if whole > 0.0 { (gain / whole).min(1.0) } else { 0.0 },
+        cost: (2.0 * LIMITED * lights.len() as f64).max(LIMITED),
+        lights: 2 * lights.len() as u64,
+    }
+}
+
+/// Lumens (mean over RGB) of a light that meet the boxes, unless something stands between: what a change there can have
+/// made wrong. Sampled paths find this only where one of them happened to go; so what comes new into a scene, and the
+/// footprint of what left, are not lit last.
+fn intercepted(light: &VirtualLight, regions: &[Region]) -> f64 {
+    let flux = lumens(light.flux);
+    regions
+        .iter()
+        .map(|region| {
+            let half = Vec3::from(region.extent);
+            // The mean area that a box shows is a quarter of its surface (Cauchy).
+            let area = 2.0 * (half.x * half.y + half.y * half.z + half.z * half.x);
+            let way = Vec3::from(region.center) - light.position;
+            let (d2, radius) = (way.length_squared(), half.length());
+            let inside = d2 <= radius * radius;
+            let distance = d2.sqrt();
+            // A box that is partly behind still shows its front.
+            let cosine = (way.dot(light.normal) / distance.max(1e-9) + radius / distance.max(1e-9))
+                .clamp(0.0, 1.0);
+            let part = |solid_angle: f32, all: f32| {
+                f64::from(if inside { all } else { solid_angle.min(all) })
+            };
+            let pi = std::f32::consts::PI;
+            match light.shape {
+                Shape::Directional { .. } => flux * f64::from(area),
+                Shape::Point => flux * part(area / d2, 4.0 * pi),
+                Shape::Spot { outer, .. } => {
+                    let all = 2.0 * pi * (1.0 - outer.cos());
+                    let seen = inside || way.angle_between(light.normal) < outer + (radius / distance).min(1.0).asin();
+                    if seen { flux * part(area / d2, all) } else { 0.0 }
+                }
+                _ => flux * part(cosine * area / (pi * d2), 1.0),
+            }
+        })
+        .sum()
+}
+
+fn lumens(flux: Vec3) -> f64 {
+    (f64::from(flux.x) + f64::from(flux.y) + f64::from(flux.z)) / 3.0
+}
