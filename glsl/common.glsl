@@ -110,6 +110,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Chu
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Views { View at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { Light at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Uints { uint at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Pairs { uvec2 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Sums { int64_t at[]; };
 

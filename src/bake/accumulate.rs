@@ -230,6 +230,11 @@ impl AccumulatePass {
         Ok(())
     }
 
+    /// The sums themselves.
+    pub(super) fn sums(&self) -> &Buffer {
+        &self.sums
+    }
+
     /// The sums: per tile 64 reds, 64 greens, 64 blues.
     pub(super) fn read(&self) -> Result<Vec<i64>> {
         self.sums.read(0..(self.tiles * TILE * 3) as usize)

@@ -16,14 +16,15 @@ use super::schedule::{self, Held, Plan, What};
 use super::settings::{Clusters as Cells, Settings};
 use super::update::{Illumination, Sign};
 use super::uv_raster;
-use super::versions::Version;
 use crate::cluster::{Budget, CellId, Clusters, Forest as _, SimilaritySettings, Wanted};
 use crate::gpu::{Gpu, GpuError};
+use crate::lightmap::detail::{Point, Probe};
 use crate::lightmap::texels::{ClaimStatistics, Texels};
 use crate::lightmap::{Atlas, Lightmap};
 use crate::scene::edit::{Change, Edit, Editor};
 use crate::scene::{Document, Scene};
 use crate::transport::SceneBvh;
+use crate::transport::direct::DirectLight;
 use crate::transport::paths::{self, PathSettings};
 use crate::transport::validate::Validator;
 
@@ -135,8 +136,8 @@ impl Baker {
     ) -> Result<Self, BakeError> {
         let editor = Editor::new(scene, document)?;
         let scene = editor.scene().clone();
+        let bvh = stages.time(Stage::Bvh, || SceneBvh::build(&scene));
         let light = || {
-            let bvh = stages.time(Stage::Bvh, || SceneBvh::build(&scene));
             let settings = job
                 .repeat
                 .as_ref()
@@ -153,14 +154,15 @@ impl Baker {
                 let similarity = SimilaritySettings::default();
                 Clusters::new(&scene, validator.paths(), &path_settings, similarity)
             });
-            (settings, bvh, validator, clusters)
+            (settings, validator, clusters)
         };
+        let probe = DirectLight::new(&scene, &bvh);
         let surface = || -> Result<_, BakeError> {
             let atlas = stages.time(Stage::Unwrap, || match &job.repeat {
                 Some((_, a)) => {
                     Atlas::from_settings(&scene, a.density, a.page_size, a.pages, &a.objects)
                 }
-                None => Atlas::build(&scene, &job.atlas),
+                None => Atlas::build_lit(&scene, &job.atlas, Some(&probe)),
             })?;
             let (claims, texels) = stages.time(Stage::Texels, || -> Result<_, BakeError> {
                 let claims = uv_raster::rasterize(gpu, &atlas)?;
@@ -169,24 +171,11 @@ impl Baker {
             })?;
             Ok((atlas, claims, texels))
         };
-        let ((settings, bvh, validator, clusters), surface) = rayon::join(light, surface);
+        let ((settings, validator, clusters), surface) = rayon::join(light, surface);
         let (atlas, claims, texels) = surface?;
+        drop(probe);
         let illumination = stages.time(Stage::Upload, || {
-            Illumination::new(
-                gpu,
-                &scene,
-                &texels,
-                ShadowSizes {
-                    indirect: settings.shadow_size,
-                    direct: settings.direct_shadow_size,
-                    sun: settings.sun_shadow_size,
-                },
-                Evaluation {
-                    scale: (settings.fixed_point_bits as f32).exp2(),
-                    epsilon: 0.5 / atlas.density,
-                    disk_area: settings.disk_area,
-                },
-            )
+            empty_map(gpu, &scene, &texels, &settings, atlas.density)
         })?;
         Ok(Self {
             gpu: gpu.clone(),
@@ -304,6 +293,14 @@ impl Baker {
     pub(super) fn aim(&mut self, target: Option<Budget>) {
         self.target = target.unwrap_or_else(|| budget(&self.settings));
         self.settled = false;
+    }
+
+    pub(super) fn target(&self) -> Budget {
+        self.target
+    }
+
+    pub(super) fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     pub(super) fn clusters(&self) -> &Clusters {
@@ -480,8 +477,7 @@ impl Baker {
                 for cell in add {
                     if let Some(selected) = self.wanted.cells().get(cell).cloned() {
                         for light in &selected.lights {
-                            self.illumination
-                                .push(light.clone(), Sign::Add, current)?;
+                            self.illumination.push(light.clone(), Sign::Add, current)?;
                         }
                         let held = Held {
                             selected,
@@ -495,6 +491,17 @@ impl Baker {
             }
         }
         Ok(())
+    }
+
+    /// An empty map of the scene, apart from the one that is worked on.
+    pub(super) fn fresh_map(&self, scene: &Scene) -> Result<Illumination, GpuError> {
+        empty_map(
+            &self.gpu,
+            scene,
+            &self.texels,
+            &self.settings,
+            self.atlas.density,
+        )
     }
 
     /// Waits, then resolves what the map holds at this moment.
@@ -516,6 +523,36 @@ impl Baker {
             &self.texels,
             &irradiance,
         ))
+    }
+}
+
+fn empty_map(
+    gpu: &Gpu,
+    scene: &Scene,
+    texels: &Texels,
+    settings: &Settings,
+    density: f32,
+) -> Result<Illumination, GpuError> {
+    let sizes = ShadowSizes {
+        indirect: settings.shadow_size,
+        direct: settings.direct_shadow_size,
+        sun: settings.sun_shadow_size,
+    };
+    let evaluation = Evaluation {
+        scale: (settings.fixed_point_bits as f32).exp2(),
+        epsilon: 0.5 / density,
+        disk_area: settings.disk_area,
+    };
+    Illumination::new(gpu, scene, texels, sizes, evaluation)
+}
+
+impl Probe for DirectLight<'_> {
+    fn direct(&self, at: &Point) -> f32 {
+        self.irradiance(at.position, at.normal, at.face)
+    }
+
+    fn bounced(&self, at: &Point, u: [f32; 2]) -> f32 {
+        DirectLight::bounced(self, at.position, at.normal, at.face, u)
     }
 }
 

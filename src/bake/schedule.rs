@@ -28,6 +28,16 @@ pub enum Kind {
     Balancing,
 }
 
+impl Kind {
+    /// In lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Validation => "validation",
+            Kind::Balancing => "balancing",
+        }
+    }
+}
+
 /// A change of the map that is done whole or not at all.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Update {
@@ -240,7 +250,11 @@ pub(super) fn exchange(
         } else {
             wrong
         },
-        invalid: if whole > 0.0 { (wrong / whole).min(1.0) } else { 0.0 },
+        invalid: if whole > 0.0 {
+            (wrong / whole).min(1.0)
+        } else {
+            0.0
+        },
         cost: (old.len() + new.len()).max(1) as f64,
         lights: (old.len() + new.len()) as u64,
         what: What::Exchange { subtract, add },
@@ -256,7 +270,11 @@ pub(super) fn advance(cell: CellId, held: &Held, regions: &[Region]) -> Update {
         kind: Kind::Validation,
         what: What::Advance(cell),
         gain,
-        invalid: if whole > 0.0 { (gain / whole).min(1.0) } else { 0.0 },
+        invalid: if whole > 0.0 {
+            (gain / whole).min(1.0)
+        } else {
+            0.0
+        },
         cost: (2.0 * LIMITED * lights.len() as f64).max(LIMITED),
         lights: 2 * lights.len() as u64,
     }
@@ -289,8 +307,14 @@ fn intercepted(light: &VirtualLight, regions: &[Region]) -> f64 {
                 Shape::Point => flux * part(area / d2, 4.0 * pi),
                 Shape::Spot { outer, .. } => {
                     let all = 2.0 * pi * (1.0 - outer.cos());
-                    let seen = inside || way.angle_between(light.normal) < outer + (radius / distance).min(1.0).asin();
-                    if seen { flux * part(area / d2, all) } else { 0.0 }
+                    let seen = inside
+                        || way.angle_between(light.normal)
+                            < outer + (radius / distance).min(1.0).asin();
+                    if seen {
+                        flux * part(area / d2, all)
+                    } else {
+                        0.0
+                    }
                 }
                 _ => flux * part(cosine * area / (pi * d2), 1.0),
             }

@@ -229,6 +229,15 @@ impl Illumination {
         Ok(())
     }
 
+    pub(super) fn pass(&self) -> &AccumulatePass {
+        &self.accumulate
+    }
+
+    /// Tiles of texels.
+    pub(super) fn tiles(&self) -> u32 {
+        self.receivers.texel_tiles()
+    }
+
     /// Virtual lights sent so far, subtractions included.
     pub fn lights_sent(&self) -> u64 {
         self.lights

@@ -95,6 +95,17 @@ pub enum CellId {
     Octree(Cell),
 }
 
+impl std::fmt::Display for CellId {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            CellId::Aperture { light, path } => write!(f, "light {light}/{path:b}"),
+            CellId::Octree(Cell { level, index }) => {
+                write!(f, "cell {level}/{}/{}/{}", index[0], index[1], index[2])
+            }
+        }
+    }
+}
+
 /// A selected cell and what stands for its light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selected {

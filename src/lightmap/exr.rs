@@ -74,6 +74,16 @@ pub(crate) fn write(
     Ok(to.flush()?)
 }
 
+/// A square page as the bytes of a file; `content` goes into the header, beside what texels hold.
+///
+/// # Errors
+/// None that a page of `size`² texels can bring about; those of the format otherwise.
+pub fn encode(size: u32, page: &[[f32; 3]], content: &str) -> Result<Vec<u8>, exr::error::Error> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    write(page, size, content, &mut bytes)?;
+    Ok(bytes.into_inner())
+}
+
 /// Reads the first layer with red, green and blue of an EXR file, whoever wrote it.
 pub fn read(path: &Path) -> Result<Image, exr::error::Error> {
     // A broken header may claim any size; nothing is allocated before it is looked at.

@@ -37,6 +37,8 @@ pub struct Args {
 pub enum Command {
     /// Bake a scene's lightmaps
     Bake(Box<Bake>),
+    /// Bake a scene, play a script of edits, and write the bake of the edited scene
+    Replay(Box<Replay>),
     /// Compare two lightmaps or two bakes
     Compare(Compare),
     /// List the Vulkan devices and what each lacks
@@ -103,6 +105,26 @@ pub struct Bake {
     pub verify: bool,
 }
 
+#[derive(clap::Args)]
+pub struct Replay {
+    #[command(flatten)]
+    pub bake: Bake,
+    /// The script: JSON, an edit a line
+    pub script: PathBuf,
+    /// Write so many lightmaps along the way, evenly over the time
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub snapshots: u32,
+    /// Milliseconds of updates between two looks at the map, as a viewer's frame has them
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub frame_ms: Option<f32>,
+    /// Share of invalid flux at which validation and balancing take turns
+    #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = 0.1)]
+    pub turns_at: f64,
+    /// Go on with the next line after one that is refused
+    #[arg(long)]
+    pub keep_going: bool,
+}
+
 #[derive(Clone, Copy)]
 pub enum Clusters {
     Auto,
@@ -135,6 +157,15 @@ fn positive(text: &str) -> Result<f32, String> {
         Ok(value)
     } else {
         Err("must be above 0".into())
+    }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if value > 0.0 && value < 1.0 {
+        Ok(value)
+    } else {
+        Err("must be above 0 and below 1".into())
     }
 }
 

@@ -1,10 +1,11 @@
 //! `rebake bake`: load, light, bake, write.
 
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
 use glam::Vec3;
-use rebake::bake::{self, AtlasReport, Baked, Job, Options, Settings};
+use rebake::bake::{self, AtlasReport, Baked, Job, Options, Report, Settings};
 use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::{AtlasOptions, export, preview};
 use rebake::scene::{Document, Scene, overlay_lights};
@@ -26,67 +27,29 @@ const PREVIEW: [u32; 2] = [960, 540];
 
 pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<()> {
     let console = Console::new(args);
-    let options = GpuOptions {
-        device: args.device.clone(),
-        validate: args.validate,
-    };
-    // The driver starts while the file is read.
-    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || load(command));
-    let (scene, document) = loaded?;
-    let gpu = gpu?;
-
-    export::check_output(&command.output)?;
-
+    let (gpu, scene, document) = prepare(args, command)?;
     let job = job(command)?;
-    let Baked {
-        lightmap,
-        atlas,
-        mut report,
-    } = bake::bake(&gpu, &scene, &job, &console)?;
+    let baked = bake::bake(&gpu, scene, document, &job, &console)?;
     gpu.check_validation()?;
-    let preview = preview::preview(&scene, &atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])
-        .context("encoding the preview")?;
-    report.total_seconds = start.elapsed().as_secs_f64();
-    let report_json = serde_json::to_vec_pretty(&report).context("writing the report")?;
-    let files = vec![
-        ("bake.json".to_owned(), report_json),
-        ("preview.png".to_owned(), preview),
-    ];
-    let content = if report.settings.indirect_only {
-        export::Content::IndirectOnly
-    } else {
-        export::Content::DirectAndIndirect
-    };
-    let written = export::write_outputs(
-        &command.output,
-        &document,
-        &scene,
-        &atlas,
-        &lightmap,
-        content,
-        files,
-    )?;
+    let (report, files) = write(&command.output, baked, Vec::new(), start)?;
 
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
         print(format_args!(
             "{}",
-            json!({ "output": command.output, "files": written, "seconds": seconds, "report": report })
+            json!({ "output": command.output, "files": files, "seconds": seconds, "report": report })
         ))?;
         return Ok(());
     }
-    let lights: u64 = report.counts.virtual_lights.values().sum();
     console.say(&format!(
-        "{}: {} texels on {} page{} of {}, {} cells, {lights} virtual lights, {} paths; {seconds:.2} s on {}{}",
-        command.output.display(),
-        report.counts.texels,
-        report.atlas.pages,
-        if report.atlas.pages == 1 { "" } else { "s" },
-        report.atlas.page_size,
-        report.counts.clusters,
-        report.counts.paths,
+        "{}; {seconds:.2} s on {}{}",
+        summary(&command.output, &report),
         report.device.name,
-        if job.verify { "; verify: identical" } else { "" },
+        if job.verify {
+            "; verify: identical"
+        } else {
+            ""
+        },
     ))?;
     if report.stopped_early {
         console.say(&format!(
@@ -95,6 +58,66 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
         ))?;
     }
     Ok(())
+}
+
+/// The device, and the scene with the lights that the options add.
+pub fn prepare(args: &Args, command: &args::Bake) -> anyhow::Result<(Gpu, Scene, Document)> {
+    let options = GpuOptions {
+        device: args.device.clone(),
+        validate: args.validate,
+    };
+    // The driver starts while the file is read.
+    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || load(command));
+    let (scene, document) = loaded?;
+    let gpu = gpu?;
+    export::check_output(&command.output)?;
+    Ok((gpu, scene, document))
+}
+
+/// Writes a bake's folder, `extra` files included; returns what bake.json says and the files.
+pub fn write(
+    output: &Path,
+    baked: Baked,
+    extra: Vec<(String, Vec<u8>)>,
+    start: Instant,
+) -> anyhow::Result<(Report, Vec<PathBuf>)> {
+    let Baked {
+        lightmap,
+        baker,
+        mut report,
+    } = baked;
+    let (scene, document, atlas) = (baker.scene(), baker.document(), baker.atlas());
+    let preview = preview::preview(scene, atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])
+        .context("encoding the preview")?;
+    report.total_seconds = start.elapsed().as_secs_f64();
+    let report_json = serde_json::to_vec_pretty(&report).context("writing the report")?;
+    let mut files = vec![
+        ("bake.json".to_owned(), report_json),
+        ("preview.png".to_owned(), preview),
+    ];
+    files.extend(extra);
+    let content = if report.settings.indirect_only {
+        export::Content::IndirectOnly
+    } else {
+        export::Content::DirectAndIndirect
+    };
+    let written = export::write_outputs(output, document, scene, atlas, &lightmap, content, files)?;
+    Ok((report, written))
+}
+
+/// What a bake came to, in a line.
+pub fn summary(output: &Path, report: &Report) -> String {
+    let lights: u64 = report.counts.virtual_lights.values().sum();
+    format!(
+        "{}: {} texels on {} page{} of {}, {} cells, {lights} virtual lights, {} paths",
+        output.display(),
+        report.counts.texels,
+        report.atlas.pages,
+        if report.atlas.pages == 1 { "" } else { "s" },
+        report.atlas.page_size,
+        report.counts.clusters,
+        report.counts.paths,
+    )
 }
 
 fn load(command: &args::Bake) -> anyhow::Result<(Scene, Document)> {
@@ -112,7 +135,7 @@ fn load(command: &args::Bake) -> anyhow::Result<(Scene, Document)> {
     Ok((scene, document))
 }
 
-fn job(command: &args::Bake) -> anyhow::Result<Job> {
+pub fn job(command: &args::Bake) -> anyhow::Result<Job> {
     let defaults = AtlasOptions::default();
     let repeat = command.settings.as_ref().map(|path| -> anyhow::Result<_> {
         let text =

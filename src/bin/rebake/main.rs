@@ -5,6 +5,7 @@ mod bake;
 mod compare;
 mod console;
 mod devices;
+mod replay;
 mod scene;
 
 use std::process::ExitCode;
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
     }
     let result = match &args.command {
         Command::Bake(command) => bake::run(&args, command, start),
+        Command::Replay(command) => replay::run(&args, command, start),
         Command::Compare(command) => compare::run(&args, command),
         Command::Devices => devices::run(&args),
         Command::Scene(command) => scene::run(&args, command),
