@@ -10,10 +10,10 @@ use glam::{Affine3A, Vec3};
 use rebake::cluster::{Budget, Clusters, FluxScale, Octree, SimilaritySettings, Wanted};
 use rebake::scene::Scene;
 use rebake::scene::edit::Change;
+use rebake::transport::Validator;
 use rebake::transport::bvh::{SceneBvh, offset};
 use rebake::transport::paths::{PathSettings, trace};
 use rebake::transport::sampling::{Sequence, cosine_hemisphere};
-use rebake::transport::validate::Validator;
 
 fn main() {
     let args: Vec<String> = std::env::args()

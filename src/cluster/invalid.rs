@@ -7,8 +7,8 @@ use glam::Vec3;
 use super::cell::{Cell, MAX_LEVEL, Place};
 use super::octree::FluxScale;
 use super::{CellId, Clusters};
+use crate::transport::Differences;
 use crate::transport::emission::mean;
-use crate::transport::validate::Differences;
 use crate::transport::{Emission, Vpl};
 
 /// Invalid radiant flux by cell.
@@ -224,10 +224,10 @@ mod tests {
     use super::*;
     use crate::cluster::{Budget, SimilaritySettings};
     use crate::scene::edit::Change;
+    use crate::transport::Validator;
     use crate::transport::bvh::SceneBvh;
     use crate::transport::paths::PathSettings;
     use crate::transport::testing::cornell;
-    use crate::transport::validate::Validator;
     use glam::Affine3A;
 
     #[test]

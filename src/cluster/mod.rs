@@ -22,10 +22,10 @@ use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
 use crate::scene::Scene;
+use crate::transport::Differences;
 use crate::transport::Emission;
 use crate::transport::emission::Emitter;
 use crate::transport::paths::{PathSet, PathSettings, emitters};
-use crate::transport::validate::Differences;
 
 use aperture::ApertureTree;
 pub use balance::{Balancer, Budget, Cut, Forest, Step};
@@ -123,7 +123,7 @@ pub struct Selected {
 pub struct Clusters {
     /// Over all VPLs.
     pub octree: Octree,
-    /// By light, each with the octree's version in which it was made.
+    /// By light, each with the octree's version in which it was made for its light; on the paths only its depth depends.
     apertures: BTreeMap<u32, (u64, ApertureTree)>,
     settings: SimilaritySettings,
 }
@@ -197,11 +197,10 @@ impl Clusters {
         let version = self.octree.version();
         let changed: BTreeSet<u32> = differences.lights.iter().map(|l| l.light).collect();
         for emission in &differences.emissions {
-            if let Some((made, tree)) = self.apertures.get_mut(&emission.light)
+            if let Some((_, tree)) = self.apertures.get_mut(&emission.light)
                 && !changed.contains(&emission.light)
             {
                 tree.change(emission);
-                *made = version;
             }
         }
         for (index, light) in scene.lights.iter().enumerate() {

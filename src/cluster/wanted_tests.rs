@@ -13,8 +13,8 @@ use crate::scene::edit::Change;
 use crate::transport::bvh::SceneBvh;
 use crate::transport::paths::{PathSettings, trace};
 use crate::transport::testing::cornell;
-use crate::transport::validate::{Differences, Validator};
 use crate::transport::validate_tests::{edit, lit};
+use crate::transport::{Differences, Validator};
 use crate::transport::{PathSet, Vpl};
 
 fn traced(paths: u32) -> (Scene, PathSet, PathSettings) {

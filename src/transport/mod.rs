@@ -1,6 +1,7 @@
 //! How light travels: rays, quasi-Monte Carlo paths from the lights, and the virtual point lights they leave behind.
 
 pub mod bvh;
+pub mod differences;
 pub mod direct;
 pub mod emission;
 pub mod paths;
@@ -15,9 +16,11 @@ pub(crate) mod validate_tests;
 use glam::Vec3;
 
 pub use bvh::{Hit, SceneBvh};
+pub use differences::{Differences, EmissionChange, LightChange};
 pub use paths::{
     Emission, Emitters, FluxBalance, LightPaths, Path, PathSet, PathSettings, Tracer, trace,
 };
+pub use validate::Validator;
 
 /// Which path left a VPL: orders VPLs, and is the same in every scene version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

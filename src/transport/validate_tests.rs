@@ -7,9 +7,10 @@ use glam::{Affine3A, Quat, Vec3};
 use proptest::prelude::*;
 
 use super::bvh::SceneBvh;
+use super::differences::Differences;
 use super::paths::{PathSettings, trace};
 use super::testing::{cornell, light};
-use super::validate::{Differences, Validator};
+use super::validate::Validator;
 use super::{Vpl, VplKey};
 use crate::scene::edit::Change;
 use crate::scene::{AlphaMode, Aperture, Light, Mesh, Scene};
