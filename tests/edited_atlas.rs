@@ -1,10 +1,11 @@
 //! Lightmap space under edits: nothing moves, what is new finds room, and the written files hold all that a bake of them needs.
 
-mod edit_common;
+#[path = "scene_edits/fixtures.rs"]
+mod fixtures;
 
 use std::{fs, path::Path, sync::Arc};
 
-use edit_common::{Step, edit, steps, write_chair};
+use fixtures::{Step, edit, steps, write_chair};
 use proptest::prelude::*;
 use rebake::{
     bake::uv_raster::{rasterize, rasterize_objects},
@@ -20,6 +21,7 @@ use rebake::{
         builtin::builtin,
         edit::{Command, Edit, Editor},
     },
+    transport::{PathSet, PathSettings, SceneBvh, trace},
 };
 
 /// A session's scene with its lightmap space, followed edit by edit.
@@ -37,8 +39,13 @@ impl Session {
             validate: false,
         };
         let gpu = Gpu::new(&options).expect("a Vulkan device (tools/setup.sh installs lavapipe)");
-        let document = builtin(name).unwrap();
-        let editor = Editor::new(Scene::from_document(&document).unwrap(), document).unwrap();
+        let mut document = builtin(name).unwrap();
+        let mut scene = Scene::from_document(&document).unwrap();
+        // Its paths start on the scene's bounds.
+        scene
+            .add_sun(&mut document, 50.0, 20.0, 100.0, glam::Vec3::ONE)
+            .unwrap();
+        let editor = Editor::new(scene, document).unwrap();
         let options = AtlasOptions {
             density: Some(density),
             page_size: Some(page_size),
@@ -135,6 +142,7 @@ impl Session {
         )
         .unwrap();
         assert_eq!(again.placements(&fresh), placements);
+        assert_eq!(paths(&fresh, scene), paths(scene, scene));
         let claims = rasterize(&self.gpu, &again).unwrap();
         let texels = Texels::build(&fresh, &again, &claims);
         assert_eq!(texels.count, whole.count);
@@ -184,6 +192,25 @@ impl Session {
             .filter(|name| name.ends_with(".exr"))
             .collect()
     }
+}
+
+/// Light paths, each with the node that it hits in the place of the object.
+fn paths(scene: &Scene, reference: &Scene) -> PathSet {
+    let settings = PathSettings::for_paths(reference, 500);
+    let mut set = trace(scene, &SceneBvh::build(scene), &settings);
+    let node = |object: &mut u32| {
+        if let Some(object_hit) = scene.objects.get(*object as usize) {
+            *object = object_hit.node;
+        }
+    };
+    for path in set.lights.values_mut().flat_map(|light| &mut light.paths) {
+        node(&mut path.emission.scatter.object);
+        for vpl in &mut path.vpls {
+            node(&mut vpl.object);
+            node(&mut vpl.scatter.object);
+        }
+    }
+    set
 }
 
 fn parse(line: &str) -> Option<Edit> {

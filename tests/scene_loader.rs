@@ -301,3 +301,21 @@ fn object_transforms_stay_the_files() {
     );
     assert!(scene.objects[0].transform.abs_diff_eq(expected, 1e-6));
 }
+
+#[test]
+fn vertices_that_no_triangle_uses_do_not_widen_the_bounds() {
+    let stray: Vec<u8> = [0u16, 1, 0].iter().flat_map(|i| i.to_le_bytes()).collect();
+    let scene = triangle(
+        &stray,
+        &[
+            (
+                "/accessors/1",
+                json!({ "bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR" }),
+            ),
+            ("/meshes/0/primitives/0/indices", json!(1)),
+        ],
+    )
+    .unwrap();
+    assert_eq!(scene.meshes[0].positions.len(), 3);
+    assert_eq!(scene.bounds().max, glam::Vec3::X);
+}

@@ -81,6 +81,7 @@ fn load_mesh(document: &Document, source: usize, materials: usize) -> Result<Mes
         let place = format!("mesh {source} ({}), primitive {i}", mesh.name);
         load_primitive(document, primitive, i, materials, &place, &mut mesh)?;
     }
+    gather_strays(&mut mesh);
     // A set that only some primitives have is filled up: zero is what glTF's samplers would read.
     for set in &mut mesh.texcoords {
         if !set.is_empty() {
@@ -88,6 +89,27 @@ fn load_mesh(document: &Document, source: usize, materials: usize) -> Result<Mes
         }
     }
     Ok(mesh)
+}
+
+/// Moves vertices that no triangle uses to one that is used. Primitives that share attributes have many; they must not widen the
+/// scene's bounds, which suns depend on, since a file that is written has none of them.
+fn gather_strays(mesh: &mut Mesh) {
+    let Some(&[first, ..]) = mesh.triangles.first() else {
+        return;
+    };
+    let mut used = vec![false; mesh.positions.len()];
+    for &vertex in mesh.triangles.as_flattened() {
+        used[vertex as usize] = true;
+    }
+    let place = mesh.positions[first as usize];
+    for (position, _) in mesh
+        .positions
+        .iter_mut()
+        .zip(used)
+        .filter(|(_, used)| !used)
+    {
+        *position = place;
+    }
 }
 
 fn load_primitive(

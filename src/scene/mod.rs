@@ -67,7 +67,7 @@ pub struct Mesh {
     pub name: String,
     /// Index of the glTF mesh it came from.
     pub source: u32,
-    /// Vertex positions, metres.
+    /// Vertex positions, metres. Vertices that no triangle uses are where a used one is.
     pub positions: Vec<Vec3>,
     /// Unit vertex normals, one per position; zero where the file gives none (the geometric one is used there).
     pub normals: Vec<Vec3>,

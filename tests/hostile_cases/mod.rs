@@ -1,5 +1,6 @@
 //! The corrupted inputs: damaged files, nonsense, and single hostile values in a small scene that has all the loader reads.
 
+pub mod lines;
 mod values;
 
 use rebake::scene::{Document, builtin::builtin};
