@@ -8,7 +8,7 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::error::Result;
-use super::queue::{MAX_TIMESTAMPS, Recording};
+use super::queue::{MAX_TIMESTAMPS, MAX_UPLOAD, Recording};
 use super::{Buffer, Gpu, Pipeline, Ticket};
 
 /// One side of a barrier. Every barrier covers all memory of its stages.
@@ -192,21 +192,20 @@ impl Commands {
             "upload writes past the end of `{}`",
             to.name()
         );
-        if bytes.is_empty() {
-            return Ok(());
-        }
         let serial = self.recording.as_ref().expect("as above").serial;
-        let (staging, src_offset) = self.gpu.queue().stage(&self.gpu.0, serial, bytes)?;
-        let regions = [vk::BufferCopy {
-            src_offset,
-            dst_offset: offset,
-            size: bytes.len() as u64,
-        }];
-        // SAFETY: both ranges lie inside their buffers.
-        unsafe {
-            self.device()
-                .cmd_copy_buffer(self.raw(), staging, to.raw.handle, &regions)
-        };
+        for (i, part) in bytes.chunks(MAX_UPLOAD).enumerate() {
+            let (staging, src_offset) = self.gpu.queue().stage(&self.gpu.0, serial, part)?;
+            let regions = [vk::BufferCopy {
+                src_offset,
+                dst_offset: offset + (i * MAX_UPLOAD) as u64,
+                size: part.len() as u64,
+            }];
+            // SAFETY: both ranges lie inside their buffers.
+            unsafe {
+                self.device()
+                    .cmd_copy_buffer(self.raw(), staging, to.raw.handle, &regions)
+            };
+        }
         Ok(())
     }
 
