@@ -1,7 +1,7 @@
 //! The baker: a scene whose lightmap follows its edits. It holds lights, knows which it should hold, and goes from the one
 //! to the other by updates that each leave the map whole.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -12,15 +12,15 @@ use super::journal::{Entry, Journal};
 use super::progress::{Stage, Stages};
 use super::records::ShadowSizes;
 use super::run::{BakeError, Job};
-use super::schedule::{self, Held, Plan, What};
+use super::schedule::{self, Held, Plan, Priority, What};
 use super::settings::{Clusters as Cells, Settings};
 use super::update::{Illumination, Sign};
 use super::uv_raster;
-use crate::cluster::{Budget, CellId, Clusters, Forest as _, SimilaritySettings, Wanted};
+use crate::cluster::{Budget, CellId, Clusters, Forest as _, Ledger, SimilaritySettings, Wanted};
 use crate::gpu::{Gpu, GpuError};
 use crate::lightmap::detail::{Point, Probe};
 use crate::lightmap::texels::{ClaimStatistics, Texels};
-use crate::lightmap::{Atlas, Lightmap};
+use crate::lightmap::{Atlas, Lightmap, Texel};
 use crate::scene::edit::{Change, Edit, Editor};
 use crate::scene::{Document, Scene};
 use crate::transport::SceneBvh;
@@ -32,6 +32,8 @@ use crate::transport::validate::Validator;
 const PATHS_AT_ONCE: usize = 4096;
 /// The share of a step's time that tracing may take before the map is updated with what is known.
 const TRACING_SHARE: f64 = 0.3;
+/// A cell with a larger share of invalid flux is exchanged, not brought to the current scene before that.
+const LEAVES: f64 = 0.3;
 /// The share of invalid flux at which validation and balancing take turns (eq. 2).
 pub const TURNS_AT: f64 = 0.1;
 
@@ -82,6 +84,8 @@ pub struct Baker {
     turns_at: f64,
     pub(super) illumination: Illumination,
     journal: Journal,
+    ledger: Ledger,
+    priority: Priority,
 }
 
 /// How far [`Baker::step`] goes.
@@ -177,6 +181,7 @@ impl Baker {
         let illumination = stages.time(Stage::Upload, || {
             empty_map(gpu, &scene, &texels, &settings, atlas.density)
         })?;
+        let ledger = Ledger::new(&clusters);
         Ok(Self {
             gpu: gpu.clone(),
             target: budget(&settings),
@@ -195,6 +200,8 @@ impl Baker {
             turns_at: TURNS_AT,
             illumination,
             journal: Journal::default(),
+            ledger,
+            priority: Priority::default(),
         })
     }
 
@@ -208,9 +215,9 @@ impl Baker {
         self.editor.document()
     }
 
-    /// Where the map lies on the objects.
-    pub fn atlas(&self) -> &Atlas {
-        &self.atlas
+    /// Where the map lies on the objects that are there.
+    pub fn atlas(&self) -> Atlas {
+        self.atlas.shown(self.scene())
     }
 
     /// What the bake was resolved to: the same for every version of the scene.
@@ -221,6 +228,11 @@ impl Baker {
     /// The share of invalid flux at which validation and balancing take turns (eq. 2's t), above 0 and below 1; 0.1 at first.
     pub fn set_turns_at(&mut self, t: f64) {
         self.turns_at = t;
+    }
+
+    /// What tells which lights an edit made wrong: the order of updates, never their result.
+    pub fn set_priority(&mut self, priority: Priority) {
+        self.priority = priority;
     }
 
     /// Edits the scene. `folder` is where files that the edit adds are looked up. The map follows with [`Baker::step`];
@@ -354,6 +366,8 @@ impl Baker {
             while let Some(update) = self.plan.next(self.turns_at) {
                 self.perform(&update)?;
                 updates += 1;
+                self.illumination.poll()?;
+                self.journal.reach(self.illumination.taken_and_done().1);
                 let sent = self.illumination.lights_sent() - before;
                 told(sent, sent + total);
                 let enough = match limit {
@@ -369,6 +383,8 @@ impl Baker {
             self.forget()?;
             if self.is_converged() {
                 self.illumination.flush()?;
+                self.journal.reach(self.illumination.taken_and_done().1);
+                self.ledger = Ledger::new(&self.clusters);
                 return Ok(self.standing(updates));
             }
             if let Limit::Time(time) = limit
@@ -401,6 +417,7 @@ impl Baker {
             let differences = self.validator.step(&scene, &self.bvh, paths);
             self.clusters
                 .apply(&scene, self.validator.paths(), &differences);
+            self.ledger.note(&self.clusters, &self.held, &differences);
             if until.is_some_and(|until| Instant::now() >= until) {
                 break;
             }
@@ -428,18 +445,35 @@ impl Baker {
         let mut updates: Vec<_> = groups
             .into_iter()
             .filter(|(subtract, add)| !(self.settings.indirect_only && all_direct(subtract, add)))
-            .map(|group| schedule::exchange(group, &self.held, wanted, key))
+            .map(|group| {
+                let ledger = |cell: &CellId| self.ledger.flux(cell);
+                schedule::exchange(group, &self.held, wanted, key, ledger)
+            })
             .collect();
         let current = self.illumination.version();
+        // What is about to leave anyhow need not follow the scene first.
+        let leaving: BTreeSet<CellId> = updates
+            .iter()
+            .filter(|u| u.invalid > LEAVES)
+            .flat_map(|u| u.leaving())
+            .copied()
+            .collect();
         let mut regions = BTreeMap::new();
         for (&cell, held) in &self.held {
-            if held.version == current {
+            if held.version == current || leaving.contains(&cell) {
                 continue;
             }
             let regions = regions
                 .entry(held.version)
                 .or_insert_with(|| self.illumination.between(held.version));
-            updates.push(schedule::advance(cell, held, regions));
+            let invalid = self.ledger.flux(&cell);
+            updates.push(schedule::advance(
+                cell,
+                held,
+                regions,
+                invalid,
+                self.priority,
+            ));
         }
         self.plan = Plan::new(updates, self.plan.owed());
     }
@@ -460,7 +494,9 @@ impl Baker {
                     let mut entry = Entry::new(update.kind, current);
                     entry.advanced = Some(held.clone());
                     held.version = current;
-                    self.journal.note(entry, self.plan.invalid_flux());
+                    self.ledger.take(cell);
+                    let (taken, _) = self.illumination.taken_and_done();
+                    self.journal.note(entry, self.plan.invalid_flux(), taken);
                 }
             }
             What::Exchange { subtract, add } => {
@@ -487,7 +523,11 @@ impl Baker {
                         self.held.insert(*cell, held);
                     }
                 }
-                self.journal.note(entry, self.plan.invalid_flux());
+                for cell in subtract.iter().chain(add) {
+                    self.ledger.take(cell);
+                }
+                let (taken, _) = self.illumination.taken_and_done();
+                self.journal.note(entry, self.plan.invalid_flux(), taken);
             }
         }
         Ok(())
@@ -510,18 +550,28 @@ impl Baker {
     /// No memory, a lost device.
     pub fn lightmap(&mut self) -> Result<Lightmap, GpuError> {
         let scene = self.editor.scene().clone();
-        let mut irradiance = self.illumination.irradiance()?;
-        let enclosed = enclosed(&scene, &self.bvh, &self.texels.list);
-        for (value, enclosed) in irradiance.iter_mut().zip(enclosed) {
+        let irradiance = self.illumination.irradiance()?;
+        // In the objects' order, without what is gone: as a fresh bake lists them.
+        let mut shown = Texels::default();
+        let mut values = Vec::new();
+        for (object, tiles) in (0..).zip(&self.texels.tiles) {
+            if (object as usize) < scene.objects.len() && !scene.is_gone(object) {
+                let range = tiles.start as usize * Texel::TILE..tiles.end as usize * Texel::TILE;
+                shown.list.extend(&self.texels.list[range.clone()]);
+                values.extend(&irradiance[range]);
+            }
+        }
+        let enclosed = enclosed(&scene, &self.bvh, &shown.list);
+        for (value, enclosed) in values.iter_mut().zip(enclosed) {
             if enclosed {
                 *value = [0.0; 3];
             }
         }
         Ok(crate::lightmap::resolve::resolve(
             &scene,
-            &self.atlas,
-            &self.texels,
-            &irradiance,
+            &self.atlas(),
+            &shown,
+            &values,
         ))
     }
 }

@@ -11,7 +11,7 @@ use crate::cluster::CellId;
 pub struct Entry {
     /// Which process asked for it.
     pub kind: Kind,
-    /// Seconds after the journal was begun.
+    /// Seconds after the journal was begun at which its lights were in the map.
     pub seconds: f64,
     /// Lumens that the plan still counted as wrong afterwards.
     pub invalid_flux: f64,
@@ -21,6 +21,8 @@ pub struct Entry {
     pub(super) subtracted: Vec<Held>,
     /// Cells that came.
     pub(super) added: Vec<Held>,
+    /// Lights that the map had taken in after it.
+    taken: u64,
     /// A cell that only went from its version to the current one.
     pub(super) advanced: Option<Held>,
 }
@@ -29,8 +31,9 @@ impl Entry {
     pub(super) fn new(kind: Kind, version: Version) -> Self {
         Self {
             kind,
-            seconds: 0.0,
+            seconds: f64::NAN,
             invalid_flux: 0.0,
+            taken: 0,
             version,
             subtracted: Vec::new(),
             added: Vec::new(),
@@ -57,30 +60,57 @@ impl Entry {
 
 /// The updates since it was begun; keeps nothing until then.
 #[derive(Debug, Default)]
-pub(super) struct Journal(Option<(Instant, Vec<Entry>)>);
+pub(super) struct Journal(Option<Pages>);
+
+#[derive(Debug)]
+struct Pages {
+    start: Instant,
+    entries: Vec<Entry>,
+    /// Entries whose lights are in the map.
+    done: usize,
+}
 
 impl Journal {
     /// Begins to keep updates; those kept until now are gone.
     pub(super) fn begin(&mut self) {
-        self.0 = Some((Instant::now(), Vec::new()));
+        self.0 = Some(Pages {
+            start: Instant::now(),
+            entries: Vec::new(),
+            done: 0,
+        });
     }
 
     pub(super) fn is_on(&self) -> bool {
         self.0.is_some()
     }
 
-    pub(super) fn note(&mut self, entry: Entry, invalid_flux: f64) {
-        if let Some((start, entries)) = &mut self.0 {
-            entries.push(Entry {
-                seconds: start.elapsed().as_secs_f64(),
+    /// `taken`: lights that the map has taken in, those of the entry included.
+    pub(super) fn note(&mut self, entry: Entry, invalid_flux: f64, taken: u64) {
+        if let Some(pages) = &mut self.0 {
+            pages.entries.push(Entry {
                 invalid_flux,
+                taken,
                 ..entry
             });
         }
     }
 
+    /// So many lights are in the map by now.
+    pub(super) fn reach(&mut self, done: u64) {
+        if let Some(pages) = &mut self.0 {
+            let seconds = pages.start.elapsed().as_secs_f64();
+            while let Some(entry) = pages.entries.get_mut(pages.done) {
+                if entry.taken > done {
+                    break;
+                }
+                entry.seconds = seconds;
+                pages.done += 1;
+            }
+        }
+    }
+
     /// Ends it and hands over what it kept.
     pub(super) fn end(&mut self) -> Vec<Entry> {
-        self.0.take().map_or_else(Vec::new, |(_, entries)| entries)
+        self.0.take().map_or_else(Vec::new, |pages| pages.entries)
     }
 }

@@ -33,7 +33,7 @@ pub use progress::{Listener, Silent, Stage};
 pub use replay::{Played, Replay, ReplayOptions, ScriptError, Step};
 pub use report::{AtlasReport, Counts, Report};
 pub use run::{BakeError, Baked, Job, bake};
-pub use schedule::Kind;
+pub use schedule::{Kind, Priority};
 pub use settings::{
     Clusters, MAX_BOUNCES, Options, Preset, Quality, Settings, SettingsError, fixed_point_bits,
 };

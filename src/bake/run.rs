@@ -221,6 +221,7 @@ impl Baker {
             *counts.virtual_lights.entry(light.shape.name()).or_default() += 1;
         }
         let gpu = self.gpu();
+        let atlas = self.atlas();
         Report {
             generator: concat!("rebake ", env!("CARGO_PKG_VERSION")).into(),
             semantics: if self.settings().indirect_only {
@@ -229,10 +230,10 @@ impl Baker {
                 "irradiance in lux, linear Rec. 709, front side, direct and indirect light"
             },
             atlas: AtlasReport {
-                density: self.atlas.density,
-                page_size: self.atlas.page_size,
-                pages: self.atlas.pages,
-                objects: self.atlas.placements(scene),
+                density: atlas.density,
+                page_size: atlas.page_size,
+                pages: atlas.pages,
+                objects: atlas.placements(scene),
             },
             device: DeviceReport {
                 name: gpu.info().name.clone(),

@@ -53,6 +53,16 @@ pub(super) struct Update {
     pub lights: u64,
 }
 
+impl Update {
+    /// Cells that it takes out of the map.
+    pub(super) fn leaving(&self) -> &[CellId] {
+        match &self.what {
+            What::Advance(_) => &[],
+            What::Exchange { subtract, .. } => subtract,
+        }
+    }
+}
+
 /// Which cells an update is about.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum What {
@@ -63,6 +73,17 @@ pub(super) enum What {
         subtract: Vec<CellId>,
         add: Vec<CellId>,
     },
+}
+
+/// What tells which lights an edit made wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Priority {
+    /// The paths that it changed (IBGI section 4.2), and the light that falls on the bounds of what it changed: that also
+    /// finds what no path happened to meet.
+    #[default]
+    Bounds,
+    /// The paths alone.
+    Paths,
 }
 
 /// What advancing a light costs of evaluating it twice: it is limited to the shadows of what changed.
@@ -76,7 +97,7 @@ const RESHAPED: f64 = 0.1;
 pub(super) struct Plan {
     validation: Vec<Update>,
     balancing: Vec<Update>,
-    /// What validation is owed (eq. 2).
+    /// Work that validation may do before it is balancing's turn (eq. 2).
     owed: f64,
 }
 
@@ -89,7 +110,7 @@ impl Plan {
         for list in [&mut validation, &mut balancing] {
             // The next one is at the end.
             list.reverse();
-            list.sort_by(|a, b| (a.gain / a.cost).total_cmp(&(b.gain / b.cost)));
+            list.sort_by(|a, b| (a.gain * a.gain / a.cost).total_cmp(&(b.gain * b.gain / b.cost)));
         }
         Self {
             validation,
@@ -104,12 +125,15 @@ impl Plan {
         let (Some(next), false) = (self.validation.last(), self.balancing.is_empty()) else {
             return self.validation.pop().or_else(|| self.balancing.pop());
         };
-        self.owed += ratio(next.invalid, t);
-        if self.owed >= 1.0 {
-            self.owed -= 1.0;
+        // Shares of the work, not of the number of updates: those of balancing are the larger ones by far.
+        let ratio = ratio(next.invalid, t);
+        if self.owed >= 0.0 {
+            self.owed -= (1.0 - ratio) * next.cost;
             self.validation.pop()
         } else {
-            self.balancing.pop()
+            let update = self.balancing.pop()?;
+            self.owed += ratio * update.cost;
+            Some(update)
         }
     }
 
@@ -215,19 +239,20 @@ impl Groups {
     }
 }
 
-/// The update that exchanges cells. `key`: the balancing metric. `invalid`: lumens known to be wrong in a held cell.
+/// The update that exchanges cells. `key`: the balancing metric. `ledger`: lumens that validation found invalid in a cell.
 pub(super) fn exchange(
     (subtract, add): (Vec<CellId>, Vec<CellId>),
     held: &BTreeMap<CellId, Held>,
     wanted: &BTreeMap<CellId, Arc<Selected>>,
     key: impl Fn(&CellId) -> f64,
+    ledger: impl Fn(&CellId) -> f64,
 ) -> Update {
     let old: Vec<&VirtualLight> = subtract
         .iter()
         .flat_map(|c| &held[c].selected.lights)
         .collect();
     let new: Vec<&VirtualLight> = add.iter().flat_map(|c| &wanted[c].lights).collect();
-    let balancing = !subtract.is_empty() && !add.is_empty() && subtract != add;
+    let invalid: f64 = subtract.iter().map(ledger).sum();
     let sum = |lights: &[&VirtualLight]| lights.iter().map(|l| l.flux).sum::<Vec3>();
     let (flux_old, flux_new) = (sum(&old), sum(&new));
     let share = |l: &&&VirtualLight| if l.direct { 1.0 } else { RESHAPED };
@@ -239,6 +264,8 @@ pub(super) fn exchange(
     let wrong = lumens((flux_new - flux_old).abs()).max(moved);
     let whole = lumens(flux_old).max(lumens(flux_new));
     let keys = |cells: &[CellId]| cells.iter().map(&key).sum::<f64>();
+    // The same light in other cells.
+    let balancing = !subtract.is_empty() && subtract != add && invalid == 0.0;
     Update {
         kind: if balancing {
             Kind::Balancing
@@ -250,33 +277,43 @@ pub(super) fn exchange(
         } else {
             wrong
         },
-        invalid: if whole > 0.0 {
-            (wrong / whole).min(1.0)
-        } else {
-            0.0
-        },
+        invalid: share_of(wrong.max(invalid), whole),
         cost: (old.len() + new.len()).max(1) as f64,
         lights: (old.len() + new.len()) as u64,
         what: What::Exchange { subtract, add },
     }
 }
 
-/// The update that brings a held cell to the current version; `regions` is where that differs from the cell's.
-pub(super) fn advance(cell: CellId, held: &Held, regions: &[Region]) -> Update {
+/// The update that brings a held cell to the current version; `regions` is where that differs from the cell's, `invalid`
+/// what validation found wrong in it, lumens.
+pub(super) fn advance(
+    cell: CellId,
+    held: &Held,
+    regions: &[Region],
+    invalid: f64,
+    priority: Priority,
+) -> Update {
     let lights = &held.selected.lights;
-    let gain: f64 = lights.iter().map(|l| intercepted(l, regions)).sum();
-    let whole: f64 = lights.iter().map(|l| lumens(l.flux)).sum();
+    let met: f64 = match priority {
+        Priority::Bounds => lights.iter().map(|l| intercepted(l, regions)).sum(),
+        Priority::Paths => 0.0,
+    };
+    let gain = invalid.max(met);
     Update {
         kind: Kind::Validation,
         what: What::Advance(cell),
         gain,
-        invalid: if whole > 0.0 {
-            (gain / whole).min(1.0)
-        } else {
-            0.0
-        },
+        invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
         cost: (2.0 * LIMITED * lights.len() as f64).max(LIMITED),
         lights: 2 * lights.len() as u64,
+    }
+}
+
+fn share_of(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 {
+        (part / whole).min(1.0)
+    } else {
+        0.0
     }
 }
 

@@ -351,6 +351,24 @@ impl Illumination {
         Ok(())
     }
 
+    /// Takes note of submissions that have finished; sends what is pending if the device has nothing to do.
+    pub(super) fn poll(&mut self) -> Result<()> {
+        while let Some((ticket, ..)) = self.in_flight.front() {
+            if !ticket.is_done()? {
+                return Ok(());
+            }
+            self.retire()?;
+        }
+        self.send()
+    }
+
+    /// Lights taken in, and of these the ones that are in the map.
+    pub(super) fn taken_and_done(&self) -> (u64, u64) {
+        let flying: usize = self.in_flight.iter().map(|f| f.2).sum();
+        let taken = self.lights + self.pending.len() as u64;
+        (taken, self.lights - flying as u64)
+    }
+
     /// Waits for the oldest submission and learns from the time it took.
     fn retire(&mut self) -> Result<()> {
         let Some((ticket, sent, lights)) = self.in_flight.pop_front() else {

@@ -28,7 +28,7 @@ use crate::transport::emission::Emitter;
 use crate::transport::paths::{PathSet, PathSettings, emitters};
 
 use aperture::ApertureTree;
-pub use balance::{Balancer, Budget, Cut, Forest, Step};
+pub use balance::{Budget, Cut, Forest};
 use border::Border;
 pub use cell::Cell;
 pub use invalid::Ledger;

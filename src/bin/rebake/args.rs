@@ -120,6 +120,10 @@ pub struct Replay {
     /// Share of invalid flux at which validation and balancing take turns
     #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = 0.1)]
     pub turns_at: f64,
+    /// What tells which lights an edit made wrong, and so the order of updates: the light that falls on the bounds of what it
+    /// changed, or the paths that it changed alone
+    #[arg(long, value_enum, default_value = "bounds")]
+    pub priority: Priority,
     /// Go on with the next line after one that is refused
     #[arg(long)]
     pub keep_going: bool,
@@ -158,6 +162,12 @@ fn positive(text: &str) -> Result<f32, String> {
     } else {
         Err("must be above 0".into())
     }
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum Priority {
+    Bounds,
+    Paths,
 }
 
 fn share(text: &str) -> Result<f64, String> {

@@ -87,7 +87,7 @@ pub fn write(
         mut report,
     } = baked;
     let (scene, document, atlas) = (baker.scene(), baker.document(), baker.atlas());
-    let preview = preview::preview(scene, atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])
+    let preview = preview::preview(scene, &atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])
         .context("encoding the preview")?;
     report.total_seconds = start.elapsed().as_secs_f64();
     let report_json = serde_json::to_vec_pretty(&report).context("writing the report")?;
@@ -101,7 +101,8 @@ pub fn write(
     } else {
         export::Content::DirectAndIndirect
     };
-    let written = export::write_outputs(output, document, scene, atlas, &lightmap, content, files)?;
+    let written =
+        export::write_outputs(output, document, scene, &atlas, &lightmap, content, files)?;
     Ok((report, written))
 }
 

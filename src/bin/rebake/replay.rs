@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use rebake::bake::{BakeError, Baked, Replay, ReplayOptions, ScriptError, Step};
+use rebake::bake::{BakeError, Baked, Priority, Replay, ReplayOptions, ScriptError, Step};
 use rebake::lightmap::{Lightmap, exr};
 use rebake::scene::edit::Command;
 use serde_json::json;
@@ -22,6 +22,10 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
     let verify = std::mem::take(&mut job.verify);
     let Baked { mut baker, .. } = rebake::bake::bake(&gpu, scene, document, &job, &console)?;
     baker.set_turns_at(command.turns_at);
+    baker.set_priority(match command.priority {
+        args::Priority::Bounds => Priority::Bounds,
+        args::Priority::Paths => Priority::Paths,
+    });
     let options = ReplayOptions {
         keep_going: command.keep_going,
         frame: command.frame_ms.map(|ms| Duration::from_secs_f32(ms / 1e3)),
