@@ -31,6 +31,13 @@ layout(push_constant, scalar) uniform Push {
     float bias;    // relative
 };
 
+// Whether the whole emitter lies behind the receiver's surface, which the interpolated normal may not tell.
+bool hidden(Light light, vec3 p, vec3 face) {
+    if (FORM == FORM_DIRECTIONAL) return dot(face, light.normal) >= 0.0;
+    float above = dot(face, light.position - p);
+    return FORM == FORM_PUNCTUAL || FORM == FORM_DISK ? above <= 0.0 : above <= -light.radius;
+}
+
 // Irradiance without visibility, per unit of flux (area lights) or intensity (the others). Moves p out of the emitter's
 // plane where it lies within epsilon of it (VPL13 fig. 8).
 float transfer(Light light, uint i, inout vec3 p, vec3 n) {
@@ -83,12 +90,13 @@ void main() {
     if (list_index() >= head.at[0].entries) return;
     uvec2 entry = list.at[list_index()];
     uint first = gl_LocalInvocationIndex;
-    vec3 positions[TEXELS], normals[TEXELS];
+    vec3 positions[TEXELS], normals[TEXELS], faces[TEXELS];
     ivec3 high[TEXELS], low[TEXELS];
     [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
         uint slot = entry.x * TILE + first + k * gl_WorkGroupSize.x;
         positions[k] = receivers.at[slot].position;
         normals[k] = receivers.at[slot].normal;
+        faces[k] = receivers.at[slot].face;
         high[k] = low[k] = ivec3(0);
     }
     uint mask = entry.y;
@@ -98,8 +106,8 @@ void main() {
         Light light = lights.at[i];
         View front = views.at[light.view];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
-            vec3 p = positions[k], n = normals[k];
-            float value = transfer(light, i, p, n) * scale;
+            vec3 p = positions[k], n = normals[k], f = faces[k];
+            float value = hidden(light, p, f) ? 0.0 : transfer(light, i, p, n) * scale;
             View view = front;
             if (FORM == FORM_PUNCTUAL) {
                 // A point has two hemicubes, back to back.
@@ -110,9 +118,9 @@ void main() {
                 view.z = behind ? back.z : view.z;
                 view.offset = behind ? back.offset : view.offset;
             }
-            if (FORM == FORM_DIRECTIONAL) value *= parallel_visibility(depth, view, p, n, bias);
-            else if (SOFT) value *= soft_visibility(depth, view, p, n, light.radius, bias);
-            else value *= visibility(depth, view, p, n, bias);
+            if (FORM == FORM_DIRECTIONAL) value *= parallel_visibility(depth, view, p, f, bias);
+            else if (SOFT) value *= soft_visibility(depth, view, p, f, light.radius, bias);
+            else value *= visibility(depth, view, p, f, bias);
             // Subtracting is adding the negative: rounding is symmetric.
             vec3 units = clamp(round(light.flux * value), -MOST, MOST) * float(light.sign);
             vec3 upper = floor(units / HALF);

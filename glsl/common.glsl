@@ -13,13 +13,15 @@ struct Texel {
     vec3 position;
     uint object;
     vec3 normal;
+    vec3 face;
     uint pixel;
 };
 
 // World-space receiver.
 struct Receiver {
     vec3 position;
-    vec3 normal;
+    vec3 normal; // of shading
+    vec3 face;   // of the surface's front: what shades it, and what shades no part of it, follow this one
 };
 
 // Where a tile's receivers are and where they face.

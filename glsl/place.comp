@@ -35,6 +35,7 @@ void main() {
     uint place = instance == NONE ? texel.object : instance;
     vec4 p = vec4(texel.position, 1.0);
     vec3 n = texel.normal;
+    vec3 f = texel.face;
     vec4 r0 = placements.at[place].row[0];
     vec4 r1 = placements.at[place].row[1];
     vec4 r2 = placements.at[place].row[2];
@@ -43,8 +44,13 @@ void main() {
                        dot(placements.at[place].normal_row[1], n),
                        dot(placements.at[place].normal_row[2], n));
     normal *= inversesqrt(max(dot(normal, normal), 1e-30));
+    vec3 face = vec3(dot(placements.at[place].normal_row[0], f),
+                     dot(placements.at[place].normal_row[1], f),
+                     dot(placements.at[place].normal_row[2], f));
+    face *= inversesqrt(max(dot(face, face), 1e-30));
     receivers.at[slot].position = position;
     receivers.at[slot].normal = normal;
+    receivers.at[slot].face = face;
     positions[lane] = position;
     normals[lane] = normal;
     barrier();

@@ -2,6 +2,7 @@
 // Which tiles a batch of lights can reach, and how each is evaluated there: appends (tile, mask of lights) to the list of
 // each form. A pair is left out only where the contribution is exactly 0.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_shader_atomic_int64 : require
 #include "common.glsl"
 
 layout(local_size_x = 64) in;
@@ -13,6 +14,7 @@ layout(push_constant, scalar) uniform Push {
     Lights lights;
     Pairs lists;      // FORMS lists of tile_count entries each
     ListHeads heads;  // FORMS
+    Sums pairs;       // FORMS: pairs of a texel and a light that were left in, so far
     uint tile_count;
     uint light_count;
     float epsilon;    // half a texel: VPL13 fig. 8
@@ -103,6 +105,7 @@ void main() {
         if (masks[form] != 0) {
             uint slot = atomicAdd(heads.at[form].entries, 1);
             lists.at[form * tile_count + slot] = uvec2(tile, masks[form]);
+            atomicAdd(pairs.at[form], int64_t(bitCount(masks[form]) * TILE));
         }
     }
 }

@@ -1,9 +1,10 @@
 // Reads the views of a light. What lies in the receiver's own plane must not shade it: the receiver is moved along its
-// normal by what one pixel spans, and depths are compared with a relative slack.
+// face normal by what one pixel spans, and depths are compared with a relative slack.
 
-// Pixels by which receivers are lifted: face on, and more at grazing angles.
-const float LIFT = 0.1;
-const float SLOPE = 0.5;
+// Pixels by which receivers are lifted: face on, and more at grazing angles. Direct light needs its shadows where they
+// are; the coarse maps of indirect lights would darken every fold.
+const vec2 DIRECT_LIFT = vec2(0.05, 0.1);
+const vec2 INDIRECT_LIFT = vec2(0.1, 0.5);
 
 // How much nearer than the receiver's plane (through `local`, with normal `n`, both in the view's axes) the nearest thing
 // is along the ray of the pixel that `direction` falls into: above 1 it hides the receiver. Measuring at the pixel's own
@@ -37,12 +38,12 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
 }
 
 // Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there.
-vec3 lifted(View view, vec3 p, vec3 n) {
+vec3 lifted(View view, vec3 p, vec3 n, vec2 lift) {
     vec3 d = p - view.origin;
     float distance = length(d);
     float cosine = dot(d, n) / max(distance, 1e-20);
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    return d + n * (distance * (LIFT + SLOPE * sine) / float(view.size));
+    return d + n * (distance * (lift.x + lift.y * sine) / float(view.size));
 }
 
 vec3 to_local(View view, vec3 d) {
@@ -55,7 +56,7 @@ vec3 to_direction(vec3 local) {
 }
 
 float visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
-    vec3 local = to_local(view, lifted(view, p, n));
+    vec3 local = to_local(view, lifted(view, p, n, INDIRECT_LIFT));
     float near = nearness(depth, view.offset, view.size, to_direction(local), local, to_local(view, n));
     return near > 1.0 + bias ? 0.0 : 1.0;
 }
@@ -74,7 +75,7 @@ const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2
 float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, float bias) {
     uint offset = view.offset;
     uint size = view.size;
-    vec3 d = lifted(view, p, n);
+    vec3 d = lifted(view, p, n, DIRECT_LIFT);
     float distance = length(d);
     vec3 t = normalize(abs(d.x) > abs(d.z) ? vec3(-d.y, d.x, 0.0) : vec3(0.0, -d.z, d.y));
     vec3 b = cross(d, t) / max(distance, 1e-20);
@@ -113,7 +114,7 @@ float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
     float scale = inversesqrt(dot(view.z, view.z));
     float cosine = dot(n, view.z) * scale;
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    vec3 d = p - view.origin + n * (pixel * (LIFT + SLOPE * sine));
+    vec3 d = p - view.origin + n * (pixel * (DIRECT_LIFT.x + DIRECT_LIFT.y * sine));
     vec2 at = vec2(dot(view.x, d), dot(view.y, d));
     float value = dot(view.z, d);
     // How the plane's value changes across the map: it is linear.

@@ -23,6 +23,8 @@ pub(super) const FAR: f32 = 6.0;
 const DIRECT_FAR: f32 = 20.0;
 /// Relative slack of depth comparisons.
 const BIAS: f32 = 2e-3;
+/// The same for direct lights, whose maps are finer.
+const DIRECT_BIAS: f32 = 5e-4;
 /// Slack of parallel light's depth comparisons, in units of the scene's depth.
 const PARALLEL_BIAS: f32 = 2e-6;
 
@@ -47,6 +49,8 @@ pub(super) struct AccumulatePass {
     lights: Buffer,
     regions: Buffer,
     sums: Buffer,
+    /// Pairs of a texel and a light that culling left in: by form, those of soft lights after the others.
+    pairs: Buffer,
     /// Tiles that have sums.
     tiles: u32,
     evaluation: Evaluation,
@@ -70,6 +74,7 @@ struct CullPush {
     lights: Address,
     lists: Address,
     heads: Address,
+    pairs: Address,
     tile_count: u32,
     light_count: u32,
     epsilon: f32,
@@ -102,7 +107,9 @@ impl AccumulatePass {
             tiles * u64::from(TILE) * 24,
             Memory::Device,
         )?;
+        let pairs = gpu.buffer("pairs", 2 * u64::from(FORMS) * 8, Memory::Device)?;
         let mut cmd = gpu.commands()?;
+        cmd.fill(&pairs, 0, pairs.size(), 0);
         cmd.fill(&sums, 0, sums.size(), 0);
         cmd.submit()?.wait()?;
         Ok(Self {
@@ -117,6 +124,7 @@ impl AccumulatePass {
                 Memory::Device,
             )?,
             sums,
+            pairs,
             tiles: receivers.texel_tiles(),
             evaluation,
         })
@@ -190,6 +198,9 @@ impl AccumulatePass {
                 lights: self.lights.address(),
                 lists: self.lists.address(),
                 heads: self.heads.address(0),
+                pairs: self
+                    .pairs
+                    .address_at(u64::from(soft) * u64::from(FORMS) * 8),
                 tile_count,
                 light_count: lights.len() as u32,
                 epsilon: self.evaluation.epsilon,
@@ -214,10 +225,10 @@ impl AccumulatePass {
                 scale: self.evaluation.scale,
                 epsilon: self.evaluation.epsilon,
                 disk_area: self.evaluation.disk_area,
-                bias: if form == FORM_DIRECTIONAL {
-                    PARALLEL_BIAS
-                } else {
-                    BIAS
+                bias: match (form, soft) {
+                    (FORM_DIRECTIONAL, _) => PARALLEL_BIAS,
+                    (_, true) => DIRECT_BIAS,
+                    (_, false) => BIAS,
                 },
             };
             cmd.scope(scope_name(form, soft), |cmd| {
@@ -238,6 +249,19 @@ impl AccumulatePass {
     /// The sums: per tile 64 reds, 64 greens, 64 blues.
     pub(super) fn read(&self) -> Result<Vec<i64>> {
         self.sums.read(0..(self.tiles * TILE * 3) as usize)
+    }
+
+    /// How many pairs of a texel and a light each scope of [`crate::gpu::Gpu::timings`] has evaluated: those that culling
+    /// left in, in whole tiles.
+    pub(super) fn pairs(&self) -> Result<BTreeMap<&'static str, u64>> {
+        let counts = self.pairs.read::<u64>(0..2 * FORMS as usize)?;
+        let mut pairs = BTreeMap::new();
+        for (slot, count) in (0..).zip(counts).filter(|(_, count)| *count > 0) {
+            *pairs
+                .entry(scope_name(slot % FORMS, slot >= FORMS))
+                .or_default() += count;
+        }
+        Ok(pairs)
     }
 
     /// Fixed-point units per lux.

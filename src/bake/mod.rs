@@ -44,6 +44,8 @@ pub use versions::Version;
 #[cfg(test)]
 mod depth_oracle;
 #[cfg(test)]
+mod horizon_oracle;
+#[cfg(test)]
 mod oracle;
 #[cfg(test)]
 mod versions_oracle;

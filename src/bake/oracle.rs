@@ -102,11 +102,15 @@ pub(super) fn random_texels(numbers: &mut Numbers, tiles: usize, half: f32) -> V
             // Tiles are small and nearly flat, as real ones are.
             let (center, axis) = (numbers.vector() * half, numbers.direction());
             (0..Texel::TILE)
-                .map(|_| Texel {
-                    position: (center + numbers.vector() * 0.05).to_array(),
-                    object: 0,
-                    normal: (axis + numbers.vector() * 0.2).normalize().to_array(),
-                    pixel: 0,
+                .map(|_| {
+                    let normal = (axis + numbers.vector() * 0.2).normalize().to_array();
+                    Texel {
+                        position: (center + numbers.vector() * 0.05).to_array(),
+                        object: 0,
+                        normal,
+                        face: normal,
+                        pixel: 0,
+                    }
                 })
                 .collect::<Vec<_>>()
         })
@@ -145,7 +149,7 @@ pub(super) fn around() -> Surroundings<'static> {
 }
 
 /// Runs the real passes; returns irradiance in lux per receiver.
-fn accumulate(
+pub(super) fn accumulate(
     gpu: &Gpu,
     scene: &Scene,
     texels: &[Texel],
@@ -203,7 +207,7 @@ fn accumulate(
 }
 
 /// Irradiance without occlusion in double precision, the polygon clipped vertex by vertex, its form factor with `acos`.
-fn irradiance(light: &VirtualLight, p: DVec3, n: DVec3) -> DVec3 {
+pub(super) fn irradiance(light: &VirtualLight, p: DVec3, n: DVec3) -> DVec3 {
     let flux = light.flux.as_dvec3();
     let normal = light.normal.as_dvec3();
     let l = light.position.as_dvec3() - p;
@@ -341,11 +345,11 @@ fn far_tolerance(light: &VirtualLight, p: DVec3) -> f64 {
 }
 
 impl Texel {
-    fn at(&self) -> DVec3 {
+    pub(super) fn at(&self) -> DVec3 {
         Vec3::from_array(self.position).as_dvec3()
     }
 
-    fn facing(&self) -> DVec3 {
+    pub(super) fn facing(&self) -> DVec3 {
         Vec3::from_array(self.normal).as_dvec3()
     }
 }
@@ -390,6 +394,7 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
             &[
                 offset_of!(records::Receiver, position),
                 offset_of!(records::Receiver, normal),
+                offset_of!(records::Receiver, face),
             ],
         ),
         (

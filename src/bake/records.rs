@@ -14,6 +14,7 @@ use crate::scene::Bounds;
 pub(super) struct Receiver {
     pub position: [f32; 3],
     pub normal: [f32; 3],
+    pub face: [f32; 3],
 }
 
 /// `Tile`.

@@ -89,6 +89,9 @@ pub struct Counts {
     pub virtual_lights: BTreeMap<&'static str, u64>,
     /// Virtual lights sent to the device, subtractions included.
     pub accumulated: u64,
+    /// Pairs of a texel and a light that culling left in and the device evaluated, by its pass: over the pass's time in
+    /// `gpu`, the rate.
+    pub pairs: BTreeMap<&'static str, u64>,
 }
 
 /// Flux in bake.json, lumens (mean over RGB).

@@ -215,6 +215,7 @@ impl Baker {
             vpls: paths.vpls().count() as u64,
             clusters: self.held.len() as u64,
             accumulated: self.illumination.lights_sent(),
+            pairs: self.illumination.pairs().clone(),
             ..Counts::default()
         };
         for light in self.held.values().flat_map(|h| &h.selected.lights) {

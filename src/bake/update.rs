@@ -1,7 +1,7 @@
 //! Changes the lightmap on the device: adds and subtracts virtual lights, each in the version of the scene that it is held
 //! under, in batches whose size follows measured time.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
 use super::accumulate::{AccumulatePass, Batch, Evaluation};
@@ -58,6 +58,7 @@ pub struct Illumination {
     /// Lights per submission, so that it stays below [`SUBMISSION`].
     batch: usize,
     lights: u64,
+    pairs: BTreeMap<&'static str, u64>,
 }
 
 impl Illumination {
@@ -95,6 +96,7 @@ impl Illumination {
                 FIRST_BATCH
             },
             lights: 0,
+            pairs: BTreeMap::new(),
         })
     }
 
@@ -238,6 +240,11 @@ impl Illumination {
         self.receivers.texel_tiles()
     }
 
+    /// How many pairs of a texel and a light each accumulation scope had evaluated when the sums were last read.
+    pub fn pairs(&self) -> &BTreeMap<&'static str, u64> {
+        &self.pairs
+    }
+
     /// Virtual lights sent so far, subtractions included.
     pub fn lights_sent(&self) -> u64 {
         self.lights
@@ -261,6 +268,7 @@ impl Illumination {
     /// Waits, then reads the fixed-point sums: per tile 64 reds, 64 greens, 64 blues.
     pub fn sums(&mut self) -> Result<Vec<i64>> {
         self.flush()?;
+        self.pairs = self.accumulate.pairs()?;
         self.accumulate.read()
     }
 

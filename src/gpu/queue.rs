@@ -276,7 +276,7 @@ impl Queue {
     }
 
     /// Puts `bytes` where recording `serial` can copy them from: into the ring, for which it waits for submissions when
-    /// it is full; beside it when open recordings hold all of it.
+    /// it is full; beside it when open recordings hold all of it, or when there are too many at once.
     pub(super) fn stage(
         &mut self,
         shared: &Shared,
@@ -284,11 +284,9 @@ impl Queue {
         bytes: &[u8],
     ) -> Result<(vk::Buffer, u64)> {
         let size = (bytes.len() as u64).next_multiple_of(16);
-        assert!(
-            bytes.len() <= MAX_UPLOAD,
-            "an upload of {} bytes is more than the ring takes at once",
-            bytes.len()
-        );
+        if bytes.len() > MAX_UPLOAD {
+            return self.stage_beside(shared, bytes);
+        }
         if self.ring.is_none() {
             self.ring = Some(RawBuffer::new(
                 shared,

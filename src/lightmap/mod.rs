@@ -109,6 +109,8 @@ pub struct Texel {
     pub object: u32,
     /// Object space, unit length: the interpolated vertex normal, or the geometric one where that is missing or turned away.
     pub normal: [f32; 3],
+    /// Object space, unit length: the geometric normal of the front. Light from behind it does not arrive, whatever `normal` says.
+    pub face: [f32; 3],
     /// `page * page_size² + y * page_size + x`, or [`Texel::NONE`].
     pub pixel: u32,
 }

@@ -190,6 +190,7 @@ mod tests {
                 position: [0.0; 3],
                 object: 0,
                 normal: [0.0; 3],
+                face: [0.0; 3],
                 pixel,
             });
             let v = value(at.as_vec2() + 0.5);

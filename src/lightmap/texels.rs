@@ -137,12 +137,13 @@ impl Texels {
                 .zip(claimed)
                 .with_min_len(1024)
                 .for_each(|(texel, claimed)| {
-                    let (position, normal) = surface_point(mesh, layout, claimed);
+                    let [position, normal, face] = surface_point(mesh, layout, claimed);
                     let page = atlas.page_size * layout.page;
                     *texel = Texel {
                         position: position.to_array(),
                         object,
                         normal: normal.to_array(),
+                        face: face.to_array(),
                         pixel: (page + claimed.at.y) * atlas.page_size + claimed.at.x,
                     };
                 });
@@ -198,8 +199,8 @@ fn morton(x: u32, y: u32) -> u32 {
     spread(x) | spread(y) << 1
 }
 
-/// Object-space position and unit normal.
-fn surface_point(mesh: &Mesh, layout: &ObjectAtlas, claimed: &Claimed) -> (Vec3, Vec3) {
+/// Object-space position, shading normal and geometric normal.
+fn surface_point(mesh: &Mesh, layout: &ObjectAtlas, claimed: &Claimed) -> [Vec3; 3] {
     let corners = layout.layout.triangles[claimed.triangle as usize]
         .map(|vertex| layout.layout.vertices[vertex as usize]);
     let center = (claimed.at - layout.origin).as_vec2() + 0.5;
@@ -223,7 +224,12 @@ fn surface_point(mesh: &Mesh, layout: &ObjectAtlas, claimed: &Claimed) -> (Vec3,
     } else {
         geometric
     };
-    (position, normal.as_vec3())
+    let face = if geometric == DVec3::ZERO {
+        normal
+    } else {
+        geometric
+    };
+    [position, normal.as_vec3(), face.as_vec3()]
 }
 
 /// Barycentric weights of the point nearest to `center` among those at least [`INSET`] inside the triangle.

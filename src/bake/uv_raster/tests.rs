@@ -343,6 +343,7 @@ fn structures_lie_as_the_shaders_read_them() {
                 offset_of!(Texel, position),
                 offset_of!(Texel, object),
                 offset_of!(Texel, normal),
+                offset_of!(Texel, face),
                 offset_of!(Texel, pixel),
             ],
         ),
