@@ -312,3 +312,33 @@ fn the_last_light_may_go_and_the_last_object_may_not() {
     assert!(message.contains("no object would be left"), "{message}");
     check(&editor).unwrap();
 }
+
+/// The scripts in assets/replay, which benches and the documentation use.
+#[test]
+fn every_script_of_the_assets_makes_sense() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/replay");
+    let mut scripts = 0;
+    for entry in std::fs::read_dir(&folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        if path.extension().is_none_or(|e| e != "jsonl") {
+            continue;
+        }
+        scripts += 1;
+        let (scene, kind) = name.rsplit_once('-').unwrap();
+        let mut editor = open(scene);
+        let mut all = Change::default();
+        for line in std::fs::read_to_string(&path).unwrap().lines() {
+            let change = apply(&mut editor, serde_json::from_str(line).unwrap(), &folder);
+            let change = change.unwrap_or_else(|error| panic!("{name}: {error}"));
+            all.objects.extend(change.objects);
+            all.lights.extend(change.lights);
+        }
+        match kind {
+            "move" | "wall" => assert!(!all.objects.is_empty(), "{name}"),
+            "lamp" | "dim" => assert!(!all.lights.is_empty(), "{name}"),
+            _ => panic!("{name} is no scenario"),
+        }
+    }
+    assert_eq!(scripts, 16);
+}
