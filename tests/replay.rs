@@ -2,9 +2,13 @@
 
 #[path = "scene_edits/fixtures.rs"]
 mod fixtures;
+#[path = "common/run.rs"]
+mod run;
 
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fixtures::{Step, edit, steps, write_chair};
 use proptest::prelude::*;
@@ -15,6 +19,7 @@ use rebake::lightmap::export::{Content, write_outputs};
 use rebake::scene::edit::Editor;
 use rebake::scene::{Document, Scene, builtin::builtin};
 
+use run::{bake as bake_file, builtin as write_builtin, rebake, said};
 use tempfile::tempdir;
 
 fn gpu() -> &'static Gpu {
@@ -95,10 +100,8 @@ fn follow(name: &str, job: &Job, steps: &[Step]) -> Result<(), TestCaseError> {
     let (scene, document) = self::scene(name);
     // Tells which edits make sense, and what they would do.
     let mut shadow = Editor::new(scene.clone(), document.clone()).unwrap();
-    let t = std::time::Instant::now();
     let Baked { mut baker, .. } = bake(gpu(), scene, document, job, &Silent).unwrap();
     let first = bits(&mut baker);
-    eprintln!("baked {:?}", t.elapsed());
     let mut depth = 0;
     for (i, step) in steps.iter().enumerate() {
         match edit(&shadow, step) {
@@ -132,11 +135,8 @@ fn follow(name: &str, job: &Job, steps: &[Step]) -> Result<(), TestCaseError> {
     }
     baker.step(Limit::Converged).unwrap();
     prop_assert!(baker.is_converged());
-    eprintln!("converged {:?}, {depth} edits", t.elapsed());
     baker.verify().unwrap();
-    eprintln!("verified {:?}", t.elapsed());
     let mut fresh = bake_written(&mut baker);
-    eprintln!("fresh {:?}", t.elapsed());
     prop_assert!(bits(&mut fresh) == bits(&mut baker), "a fresh bake differs");
     for _ in 0..depth {
         baker.undo().unwrap();
@@ -175,10 +175,138 @@ proptest! {
     }
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { max_shrink_iters: 0, ..cases(1) })]
-    #[test]
-    fn edits_over_the_museum(steps in steps(6)) {
-        follow("museum", &job(6000, 500, 12), &steps)?;
+/// Small, yet with direct lights, polygons, disks and several batches.
+const SMALL: &str = "--texels 6k --paths 4k --clusters 40 --shadow-size 32 --quality draft";
+
+fn read(folder: &Path, file: &str) -> Vec<u8> {
+    std::fs::read(folder.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
+}
+
+#[test]
+fn a_replay_is_the_bake_of_the_scene_it_wrote() {
+    let folder = tempdir().unwrap();
+    write_chair(folder.path());
+    let scene = write_builtin("cornell", folder.path());
+    let script = folder.path().join("script.jsonl");
+    let lines = [
+        r#"{"do": "transform", "node": "small.box", "translation": [0.2, 0.3, 0.3], "rotation": [0.1, 0.3, 0, 0.9]}"#,
+        r#"{"do": "add", "file": "chair.gltf", "name": "chair"}"#,
+        r#"{"do": "wait", "until": {"updates": 20}}"#,
+        "",
+        r#"{"do": "transform", "node": "chair", "translation": [-0.2, 0.1, 0.5]}"#,
+        r#"{"do": "copy", "node": "tall.box", "name": "tower"}"#,
+        r#"{"do": "transform", "node": "tower", "translation": [0.6, 0, -0.6], "scale": [0.5, 1.2, 0.5]}"#,
+        r#"{"do": "wait", "until": {"seconds": 0.05}}"#,
+        r#"{"do": "light", "node": "left", "intensity": 60, "color": [0.3, 0.5, 1]}"#,
+        r#"{"do": "remove", "node": "tall.box"}"#,
+        r#"{"do": "material", "material": "red", "baseColorFactor": [0.1, 0.1, 0.8, 1]}"#,
+        r#"{"do": "undo"}"#,
+        r#"{"do": "wait", "until": "converged"}"#,
+        r#"{"do": "redo"}"#,
+        r#"{"do": "material", "material": "lamp", "emissiveStrength": 2000}"#,
+    ];
+    std::fs::write(&script, lines.join("\n")).unwrap();
+    let replayed = folder.path().join("replayed");
+    let output = rebake(
+        &format!("replay {SMALL} --verify --snapshots 3 -o"),
+        &[&replayed, &scene, &script],
+    );
+    assert!(output.status.success(), "{}", said(&output));
+    for file in [
+        "replay.json",
+        "convergence.csv",
+        "preview.png",
+        "snapshot_000_0.exr",
+    ] {
+        assert!(!read(&replayed, file).is_empty());
     }
+    let csv = String::from_utf8(read(&replayed, "convergence.csv")).unwrap();
+    assert!(csv.lines().count() > 20);
+    let settings = replayed.join("bake.json");
+    let options = format!("--settings {}", settings.display());
+    let written = replayed.join("scene.glb");
+    let (again, _) = bake_file(&written, "again", &options);
+    assert!(read(&replayed, "lightmap_0.exr") == read(&again, "lightmap_0.exr"));
+
+    // All undone: the bake of the first scene.
+    let undo = "{\"do\": \"undo\"}\n".repeat(10);
+    std::fs::write(&script, format!("{}\n{undo}", lines.join("\n"))).unwrap();
+    let output = rebake(&format!("replay {SMALL} -o"), &[&replayed, &scene, &script]);
+    assert!(output.status.success(), "{}", said(&output));
+    let (first, _) = bake_file(&scene, "first", SMALL);
+    assert!(read(&first, "lightmap_0.exr") == read(&replayed, "lightmap_0.exr"));
+}
+
+#[test]
+fn a_wrong_line_is_named_and_nothing_is_written_unless_told_to_go_on() {
+    let folder = tempdir().unwrap();
+    let scene = write_builtin("cornell", folder.path());
+    let script = folder.path().join("script.jsonl");
+    let out = folder.path().join("out");
+    for (line, words) in [
+        (
+            r#"{"do": "transform", "node": "smal.box", "translation": [0, 0, 0]}"#,
+            "did you mean \"small.box\"",
+        ),
+        (
+            r#"{"do": "transform", "node": "small.box", "scale": [0, 1, 1]}"#,
+            "node 5 (small.box), \"scale\"",
+        ),
+        (
+            r#"{"do": "transform", "node": "small.box", "translation": [NaN, 0, 0]}"#,
+            "expected",
+        ),
+        (r#"{"do": "undo"}"#, ""),
+    ] {
+        let good = r#"{"do": "transform", "node": "tall.box", "translation": [0, 0, 0]}"#;
+        let text = if words.is_empty() {
+            format!("\n{line}\n{good}\n")
+        } else {
+            format!("{good}\n{line}\n")
+        };
+        std::fs::write(&script, text).unwrap();
+        let output = rebake(&format!("replay -q {SMALL} -o"), &[&out, &scene, &script]);
+        let line = said(&output);
+        assert_eq!(output.status.code(), Some(1), "{line}");
+        assert!(line.contains("line 2") && line.contains(words), "{line}");
+        assert_eq!(line.trim_end().lines().count(), 1, "{line}");
+        assert!(!out.exists(), "{line}");
+    }
+    let options = format!("replay -q {SMALL} --keep-going -o");
+    let output = rebake(&options, &[&out, &scene, &script]);
+    assert!(output.status.success(), "{}", said(&output));
+    let replay: serde_json::Value = serde_json::from_slice(&read(&out, "replay.json")).unwrap();
+    assert!(replay.to_string().contains("nothing to undo"), "{replay}");
+}
+
+#[test]
+fn a_killed_replay_leaves_earlier_outputs_whole() {
+    let folder = tempdir().unwrap();
+    let scene = write_builtin("cornell", folder.path());
+    let (out, _) = bake_file(&scene, "out", SMALL);
+    let files = ["scene.glb", "lightmap_0.exr", "bake.json", "preview.png"];
+    let before = files.map(|file| read(&out, file));
+    let script = folder.path().join("script.jsonl");
+    let lines: String = (0..400)
+        .map(|i| {
+            let x = 0.001 * f64::from(i);
+            format!("{{\"do\": \"transform\", \"node\": \"small.box\", \"translation\": [{x}, 0, 0]}}\n{{\"do\": \"wait\", \"until\": \"converged\"}}\n")
+        })
+        .collect();
+    std::fs::write(&script, lines).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rebake"))
+        .args(["replay", "-q"])
+        .args(SMALL.split_whitespace())
+        .arg("-o")
+        .args([&out, &scene, &script])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    std::thread::sleep(Duration::from_millis(700));
+    // SIGKILL.
+    child.kill().unwrap();
+    let status = child.wait().unwrap();
+    assert!(!status.success(), "it was done after {:?}", start.elapsed());
+    assert!(files.map(|file| read(&out, file)) == before);
 }

@@ -201,7 +201,6 @@ impl Baker {
     pub fn report(&self) -> Report {
         let scene = self.scene();
         let standing = || (0..scene.objects.len() as u32).filter(|&o| !scene.is_gone(o));
-        let atlas = self.atlas.shown(scene);
         let paths = self.validator.paths();
         let mut counts = Counts {
             triangles: standing()
