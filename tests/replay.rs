@@ -229,7 +229,7 @@ fn a_replay_is_the_bake_of_the_scene_it_wrote() {
     assert!(read(&replayed, "lightmap_0.exr") == read(&again, "lightmap_0.exr"));
 
     // All undone: the bake of the first scene.
-    let undo = "{\"do\": \"undo\"}\n".repeat(10);
+    let undo = "{\"do\": \"undo\"}\n".repeat(9);
     std::fs::write(&script, format!("{}\n{undo}", lines.join("\n"))).unwrap();
     let output = rebake(&format!("replay {SMALL} -o"), &[&replayed, &scene, &script]);
     assert!(output.status.success(), "{}", said(&output));
