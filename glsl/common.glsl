@@ -75,8 +75,9 @@ struct View {
     uint kind;     // VIEW_*
     float cos_cone; // nothing outside this cone around the pole is asked for
     uint version;
-    vec3 limit_axis;   // nothing outside this cone matters: both versions of an update see the same there
-    float limit_angle; // radians; above PI where there is no limit
+    // Nothing else matters: both versions of an update see the same there. Hemicube: a cone, its axis and angle (radians,
+    // above PI: no limit). Orthographic: a rectangle of the map, its centre and half size.
+    vec4 limit;
 };
 
 struct Light {

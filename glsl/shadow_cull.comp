@@ -15,13 +15,20 @@ layout(push_constant, scalar) uniform Push {
     uint chunk_count;
 };
 
-// Whether a sphere around `offset` from the view's origin touches the cone that the view is limited to.
-bool matters(uint view, vec3 offset, float radius) {
-    float limit = views.at[view].limit_angle;
+// Whether a box around `offset` from the view's origin touches what the view is limited to.
+bool matters(uint view, vec3 offset, vec3 extent) {
+    // Loaded as one: see the driver's trap with parts of a vec4.
+    vec4 limit = views.at[view].limit;
+    if (views.at[view].kind == VIEW_ORTHOGRAPHIC) {
+        vec3 x = views.at[view].x, y = views.at[view].y;
+        return abs(dot(x, offset) - limit.x) <= dot(abs(x), extent) + limit.z
+            && abs(dot(y, offset) - limit.y) <= dot(abs(y), extent) + limit.w;
+    }
     float distance = length(offset);
-    if (limit > PI || distance <= radius) return true;
-    float angle = acos(clamp(dot(views.at[view].limit_axis, offset) / distance, -1.0, 1.0));
-    return angle <= limit + asin(radius / distance) + 1e-3;
+    float radius = length(extent);
+    if (limit.w > PI || distance <= radius) return true;
+    float angle = acos(clamp(dot(limit.xyz, offset) / distance, -1.0, 1.0));
+    return angle <= limit.w + asin(radius / distance) + 1e-3;
 }
 
 void main() {
@@ -31,7 +38,7 @@ void main() {
     if (!stands(instances.at[chunks.at[chunk].instance], views.at[view].version)) return;
     vec3 offset = chunks.at[chunk].center - views.at[view].origin;
     vec3 extent = chunks.at[chunk].extent;
-    if (!matters(view, offset, length(extent))) return;
+    if (!matters(view, offset, extent)) return;
     vec3 x = views.at[view].x;
     vec3 y = views.at[view].y;
     vec3 z = views.at[view].z;

@@ -79,6 +79,8 @@ pub struct Baker {
     wanted: Wanted,
     /// The wanted cells are those of the clusters and the target.
     settled: bool,
+    /// An edit came, and direct light has not followed it yet.
+    edited: bool,
     pub(super) held: BTreeMap<CellId, Held>,
     plan: Plan,
     turns_at: f64,
@@ -195,6 +197,7 @@ impl Baker {
             clusters,
             wanted: Wanted::new(),
             settled: false,
+            edited: false,
             held: BTreeMap::new(),
             plan: Plan::default(),
             turns_at: TURNS_AT,
@@ -297,6 +300,7 @@ impl Baker {
         }
         self.validator.invalidate(&scene, change);
         self.settled = false;
+        self.edited = true;
         Ok(())
     }
 
@@ -356,6 +360,9 @@ impl Baker {
         let start = Instant::now();
         let mut updates = 0;
         let before = self.illumination.lights_sent();
+        if std::mem::take(&mut self.edited) {
+            updates += self.follow_with_direct_light(limit, start)?;
+        }
         loop {
             let tracing = match limit {
                 Limit::Time(time) => Some(start + time.mul_f64(TRACING_SHARE)),
@@ -363,6 +370,10 @@ impl Baker {
             };
             self.settle(tracing);
             let total = self.plan.lights();
+            if limit == Limit::Updates(updates) {
+                self.illumination.send()?;
+                return Ok(self.standing(updates));
+            }
             while let Some(update) = self.plan.next(self.turns_at) {
                 self.perform(&update)?;
                 updates += 1;
@@ -406,6 +417,33 @@ impl Baker {
         }
     }
 
+    /// After an edit: what needs no path to be known, so that the device has work while the host traces.
+    fn follow_with_direct_light(&mut self, limit: Limit, start: Instant) -> Result<u64, GpuError> {
+        let scene = self.editor.scene().clone();
+        let differences = self.validator.step(&scene, &self.bvh, 0);
+        self.clusters
+            .apply(&scene, self.validator.paths(), &differences);
+        self.ledger.note(&self.clusters, &self.held, &differences);
+        self.wanted.update(&self.clusters, self.target);
+        self.replan();
+        let mut updates = 0;
+        while let Some(update) = self.plan.next_direct() {
+            self.perform(&update)?;
+            updates += 1;
+            self.illumination.poll()?;
+            self.journal.reach(self.illumination.taken_and_done().1);
+            let enough = match limit {
+                Limit::Converged => false,
+                Limit::Time(time) => start.elapsed() >= time,
+                Limit::Updates(n) => updates >= n,
+            };
+            if enough {
+                break;
+            }
+        }
+        Ok(updates)
+    }
+
     /// Validates paths, until `until` or to the end, and plans what follows from them.
     fn settle(&mut self, until: Option<Instant>) {
         if self.settled && self.validator.is_valid() {
@@ -444,7 +482,9 @@ impl Baker {
         let groups = schedule::exchanges(&self.held, wanted, |c| self.clusters.parent(c));
         let mut updates: Vec<_> = groups
             .into_iter()
-            .filter(|(subtract, add)| !(self.settings.indirect_only && all_direct(subtract, add)))
+            .filter(|(subtract, add)| {
+                !(self.settings.indirect_only && schedule::all_direct(subtract, add))
+            })
             .map(|group| {
                 let ledger = |cell: &CellId| self.ledger.flux(cell);
                 schedule::exchange(group, &self.held, wanted, key, ledger)
@@ -604,12 +644,6 @@ impl Probe for DirectLight<'_> {
     fn bounced(&self, at: &Point, u: [f32; 2]) -> f32 {
         DirectLight::bounced(self, at.position, at.normal, at.face, u)
     }
-}
-
-/// Whether an update is about direct light alone.
-fn all_direct(subtract: &[CellId], add: &[CellId]) -> bool {
-    let mut cells = subtract.iter().chain(add);
-    cells.all(|c| matches!(c, CellId::Aperture { .. }))
 }
 
 fn resolve(scene: &Scene, job: &Job) -> Settings {

@@ -468,8 +468,7 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(records::View, kind),
                 offset_of!(records::View, cos_cone),
                 offset_of!(records::View, version),
-                offset_of!(records::View, limit_axis),
-                offset_of!(records::View, limit_angle),
+                offset_of!(records::View, limit),
             ],
         ),
         (

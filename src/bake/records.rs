@@ -96,8 +96,7 @@ pub(super) struct View {
     pub kind: u32,
     pub cos_cone: f32,
     pub version: u32,
-    pub limit_axis: [f32; 3],
-    pub limit_angle: f32,
+    pub limit: [f32; 4],
 }
 
 /// `Light`.
@@ -192,12 +191,17 @@ pub(super) fn record(
         blur_slope: LOOKUP * 2.0 / size as f32,
         ..Light::zeroed()
     };
-    // Each lookup of one tap sees one pixel: those that differ lie around the regions. Where several are blended, the rest
-    // must be right as well.
-    let (limit_axis, limit_angle) = if around.version == around.other || around.soft {
-        (Vec3::Z, f32::INFINITY)
+    // Lookups that see what changed lie around the regions, and what is blended with them beside them; elsewhere both
+    // versions see the same, whether it is all drawn or not. Lookups for wide emitters lie anywhere.
+    let whole = around.version == around.other || (around.soft && wide(light));
+    let limit = if whole {
+        NO_LIMIT
     } else {
-        cone(light.position, around.regions, LOOKUP * 2.0 / size as f32)
+        cone(
+            light.position,
+            around.regions,
+            2.0 * LOOKUP * 2.0 / size as f32,
+        )
     };
     let mut hemicube = |pole: Vec3, cos_cone: f32| {
         let (x, y) = pole.any_orthonormal_pair();
@@ -211,8 +215,7 @@ pub(super) fn record(
             kind: VIEW_HEMICUBE,
             cos_cone,
             version: around.version,
-            limit_axis: limit_axis.to_array(),
-            limit_angle,
+            limit,
         });
         *offset += 3 * size * size;
     };
@@ -264,9 +267,20 @@ pub(super) fn record(
     out
 }
 
+/// Neither cone nor rectangle.
+const NO_LIMIT: [f32; 4] = [0.0, 0.0, f32::INFINITY, f32::INFINITY];
+
+/// Whether soft shadows look up depth maps further from a receiver than a few pixels.
+fn wide(light: &VirtualLight) -> bool {
+    match light.shape {
+        Shape::Point | Shape::Spot { .. } | Shape::Directional { .. } => false,
+        Shape::Polygon { .. } | Shape::Disk { .. } => true,
+    }
+}
+
 /// The cone from `origin` that holds the regions, widened by `margin` radians: axis, and angle from it. Without limit where
 /// the origin lies among them.
-fn cone(origin: Vec3, regions: &[Region], margin: f32) -> (Vec3, f32) {
+fn cone(origin: Vec3, regions: &[Region], margin: f32) -> [f32; 4] {
     let spheres = regions.iter().map(|r| {
         let radius = Vec3::from(r.extent).length();
         (Vec3::from(r.center) - origin, radius)
@@ -286,7 +300,31 @@ fn cone(origin: Vec3, regions: &[Region], margin: f32) -> (Vec3, f32) {
             }
         })
         .fold(0.0, f32::max);
-    (axis, angle + margin)
+    [axis.x, axis.y, axis.z, angle + margin]
+}
+
+/// The rectangle of an orthographic map that holds the regions, a few pixels wider: centre and half size, the map being 2
+/// wide and high.
+fn rectangle(origin: Vec3, axes: [Vec3; 2], around: &Surroundings, size: u32) -> [f32; 4] {
+    if around.version == around.other {
+        return NO_LIMIT;
+    }
+    let spans = axes.map(|axis| {
+        around
+            .regions
+            .iter()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), r| {
+                let at = axis.dot(Vec3::from(r.center) - origin);
+                let half = axis.abs().dot(Vec3::from(r.extent));
+                (low.min(at - half), high.max(at + half))
+            })
+    });
+    let margin = 4.0 * LOOKUP / size as f32;
+    let [center, half] = [
+        spans.map(|(low, high)| 0.5 * (low + high)),
+        spans.map(|(low, high)| 0.5 * (high - low) + margin),
+    ];
+    [center[0], center[1], half[0], half[1]]
 }
 
 /// A square map over the whole scene, looking along `direction`, and the larger edge of its pixels in metres; the stored
@@ -307,8 +345,7 @@ fn parallel_view(direction: Vec3, size: u32, around: &Surroundings, offset: u32)
         kind: VIEW_ORTHOGRAPHIC,
         cos_cone: -1.0,
         version: around.version,
-        limit_axis: Vec3::Z.to_array(),
-        limit_angle: f32::INFINITY,
+        limit: rectangle(origin, [x / reach(x), y / reach(y)], around, size),
     };
     (view, 2.0 * reach(x).max(reach(y)) / size as f32)
 }

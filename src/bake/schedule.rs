@@ -137,6 +137,16 @@ impl Plan {
         }
     }
 
+    /// The next update of direct light, which needs no path to be known.
+    pub(super) fn next_direct(&mut self) -> Option<Update> {
+        let direct = |u: &Update| match &u.what {
+            What::Advance(cell) => matches!(cell, CellId::Aperture { .. }),
+            What::Exchange { subtract, add } => all_direct(subtract, add),
+        };
+        let at = self.validation.iter().rposition(direct)?;
+        Some(self.validation.remove(at))
+    }
+
     pub(super) fn owed(&self) -> f64 {
         self.owed
     }
@@ -361,4 +371,10 @@ fn intercepted(light: &VirtualLight, regions: &[Region]) -> f64 {
 
 fn lumens(flux: Vec3) -> f64 {
     (f64::from(flux.x) + f64::from(flux.y) + f64::from(flux.z)) / 3.0
+}
+
+/// Whether an update is about direct light alone.
+pub(super) fn all_direct(subtract: &[CellId], add: &[CellId]) -> bool {
+    let mut cells = subtract.iter().chain(add);
+    cells.all(|c| matches!(c, CellId::Aperture { .. }))
 }

@@ -100,8 +100,7 @@ impl ShadowBench {
                     kind: VIEW_HEMICUBE,
                     cos_cone: 0.0,
                     version: 0,
-                    limit_axis: [0.0, 0.0, 1.0],
-                    limit_angle: f32::INFINITY,
+                    limit: [0.0, 0.0, 1.0, f32::INFINITY],
                 }
             })
             .collect();

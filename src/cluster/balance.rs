@@ -6,8 +6,6 @@
 //! then goes there refinement by refinement and merger by merger, in whatever order the schedule likes.
 
 use std::cmp::Reverse;
-#[cfg(test)]
-use std::collections::BTreeSet;
 use std::collections::BinaryHeap;
 
 /// Trees of cells with keys.
