@@ -165,6 +165,12 @@ proptest! {
     fn short_scripts_over_cornell(steps in steps(1..12)) {
         follow("cornell", &job(2000, 500, 12), &steps)?;
     }
+
+    /// Texels as large as what is edited: receivers are moved far out of emitters' planes.
+    #[test]
+    fn short_scripts_over_cornell_in_few_texels(steps in steps(1..12)) {
+        follow("cornell", &job(150, 500, 12), &steps)?;
+    }
 }
 
 proptest! {

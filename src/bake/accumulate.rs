@@ -100,6 +100,12 @@ struct Push {
 }
 
 impl AccumulatePass {
+    /// How far receivers are moved out of an emitter's plane at most, metres: up to twice epsilon along a direction that
+    /// climbs a quarter as fast (the shader's `transfer`).
+    pub(super) fn moved(&self) -> f32 {
+        8.0 * self.evaluation.epsilon
+    }
+
     pub(super) fn new(gpu: &Gpu, receivers: &Receivers, evaluation: Evaluation) -> Result<Self> {
         let tiles = u64::from(receivers.texel_tiles());
         let sums = gpu.buffer(

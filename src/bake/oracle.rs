@@ -145,6 +145,7 @@ pub(super) fn around() -> Surroundings<'static> {
         first_region: 0,
         bounds: &BOUNDS,
         soft: false,
+        moved: 0.0,
     }
 }
 

@@ -156,6 +156,8 @@ pub(super) struct Surroundings<'a> {
     pub bounds: &'a Bounds,
     /// Percentage-closer soft shadows.
     pub soft: bool,
+    /// How far receivers may be moved out of an emitter's plane before they are looked up (VPL13 fig. 8), metres.
+    pub moved: f32,
 }
 
 /// Pixels beside its own direction that a receiver is looked up at, at most: it is lifted by less than one, and a pixel
@@ -200,6 +202,7 @@ pub(super) fn record(
         cone(
             light.position,
             around.regions,
+            around.moved,
             2.0 * LOOKUP * 2.0 / size as f32,
         )
     };
@@ -278,11 +281,11 @@ fn wide(light: &VirtualLight) -> bool {
     }
 }
 
-/// The cone from `origin` that holds the regions, widened by `margin` radians: axis, and angle from it. Without limit where
-/// the origin lies among them.
-fn cone(origin: Vec3, regions: &[Region], margin: f32) -> [f32; 4] {
+/// The cone from `origin` that holds the regions, widened by `moved` metres and `margin` radians: axis, and angle from it.
+/// Without limit where the origin lies among them.
+fn cone(origin: Vec3, regions: &[Region], moved: f32, margin: f32) -> [f32; 4] {
     let spheres = regions.iter().map(|r| {
-        let radius = Vec3::from(r.extent).length();
+        let radius = Vec3::from(r.extent).length() + moved;
         (Vec3::from(r.center) - origin, radius)
     });
     let axis = spheres

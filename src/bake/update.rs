@@ -323,6 +323,7 @@ impl Illumination {
                 first_region: between.2.start as u32,
                 bounds: self.versions.bounds(pending.version),
                 soft,
+                moved: self.accumulate.moved(),
             };
             let sign = if pending.sign == Sign::Add { 1 } else { -1 };
             lights.push(records::record(
