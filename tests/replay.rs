@@ -221,6 +221,7 @@ fn a_replay_is_the_bake_of_the_scene_it_wrote() {
     for file in [
         "replay.json",
         "convergence.csv",
+        "convergence.png",
         "preview.png",
         "snapshot_000_0.exr",
     ] {

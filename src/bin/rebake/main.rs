@@ -5,6 +5,7 @@ mod bake;
 mod compare;
 mod console;
 mod devices;
+mod plot;
 mod replay;
 mod scene;
 

@@ -56,6 +56,10 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
             serde_json::to_vec_pretty(&replay).context("writing the replay's report")?,
         ),
         ("convergence.csv".to_owned(), csv(&replay).into_bytes()),
+        (
+            "convergence.png".to_owned(),
+            super::plot::convergence(&replay, &script)?,
+        ),
     ];
     extra.extend(snapshots.files()?);
     let baked = Baked {
