@@ -54,6 +54,7 @@ fn lit(scene: &Scene, atlas: &Atlas) -> Lightmap {
                 position: [0.0; 3],
                 object: o as u32,
                 normal: [0.0; 3],
+                face: [0.0; 3],
                 pixel,
             });
             irradiance.push(value[i].unwrap().1.to_array());
