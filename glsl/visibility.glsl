@@ -71,7 +71,8 @@ const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2
 // Percentage-closer soft shadows (Fernando 2005) of an emitter of the given radius, zero included: 5 taps find the mean
 // blocker, 8 taps filter over the penumbra it casts, never narrower than a pixel. Each tap is compared with the
 // receiver's plane, not with the receiver; and what a tap at distance L from the receiver's own ray finds can only cut a
-// ray to the emitter if radius (nearness - 1) >= L, by similar triangles: a wall beside the receiver does not.
+// ray to the emitter if radius (nearness - 1) >= L, by similar triangles: a wall beside the receiver does not. Where the
+// receiver's own ray is cut, whatever a tap finds counts: a nearer blocker may hide from the map what cuts that ray too.
 float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, float bias) {
     uint offset = view.offset;
     uint size = view.size;
@@ -85,10 +86,12 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, floa
     float reach = max(min(radius, 0.5 * distance), pixel);
 
     float blockers = 0.0, inverse_sum = 0.0;
+    bool cut = false;
     for (uint i = 0; i < SEARCH_TAPS; ++i) {
         vec3 e = to_local(view, d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach);
         float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
-        bool blocks = near > 1.0 + bias && radius * (near - 1.0) >= length(SEARCH[i]) * reach - pixel;
+        bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(SEARCH[i]) * reach - pixel);
+        cut = cut || i == 0 && blocks;
         blockers += blocks ? 1.0 : 0.0;
         inverse_sum += blocks ? near : 0.0;
     }
@@ -99,7 +102,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, floa
     for (uint i = 0; i < FILTER_TAPS; ++i) {
         vec3 e = to_local(view, d + (t * FILTER[i].x + b * FILTER[i].y) * width);
         float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
-        bool blocks = near > 1.0 + bias && radius * (near - 1.0) >= length(FILTER[i]) * width - pixel;
+        bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(FILTER[i]) * width - pixel);
         lit += blocks ? 0.0 : 1.0 / float(FILTER_TAPS);
     }
     return lit;
