@@ -57,10 +57,10 @@ pub struct Bake {
     /// Preset: how much time to trade for how little error [default: preview]
     #[arg(long, value_enum)]
     pub quality: Option<Quality>,
-    /// Texels per metre
+    /// Texels per metre, the same everywhere
     #[arg(long, value_name = "TEXELS/M", value_parser = positive, conflicts_with = "texels")]
     pub density: Option<f32>,
-    /// Texels that the scene's surface should cover (1M, 256k, 512x512) [default: 1M, but at most 100 texels/m]
+    /// Texels that the scene's surface should cover (1M, 256k, 512x512), more of them where light varies [default: 1M, but at most 100 texels/m]
     #[arg(long, value_name = "N", value_parser = count)]
     pub texels: Option<u64>,
     /// Width and height of a lightmap page [default: as large as needed, up to 4096]
