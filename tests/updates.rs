@@ -1,0 +1,76 @@
+//! Holds the way to a converged map to what is promised: no energy is missing or counted twice between two updates.
+
+use std::path::Path;
+
+use rebake::bake::{Baker, Job, Limit, Options, Quality, Silent};
+use rebake::gpu::{Gpu, GpuOptions};
+use rebake::lightmap::AtlasOptions;
+use rebake::scene::edit::Command;
+use rebake::scene::{Scene, builtin::builtin};
+
+fn values(baker: &mut Baker) -> Vec<f32> {
+    let map = baker.lightmap().expect("a device");
+    map.pages.into_iter().flatten().flatten().collect()
+}
+
+/// Over the texels that are anything's: the others hold nothing.
+fn mean(values: &[f32]) -> f64 {
+    let lit = values.iter().filter(|v| **v != 0.0);
+    lit.clone().map(|v| f64::from(*v)).sum::<f64>() / lit.count() as f64
+}
+
+/// The map after every so many updates, the first and the last one included.
+fn frames(line: &str, every: u64) -> Vec<Vec<f32>> {
+    let gpu = Gpu::new(&GpuOptions::default())
+        .expect("a Vulkan device (tools/setup.sh installs lavapipe)");
+    let document = builtin("cornell").expect("built in");
+    let scene = Scene::from_document(&document).expect("a scene");
+    let job = Job {
+        atlas: AtlasOptions {
+            texels: 8192,
+            ..AtlasOptions::default()
+        },
+        options: Options {
+            quality: Some(Quality::Preview),
+            ..Options::default()
+        },
+        ..Job::default()
+    };
+    let mut baker = Baker::new(&gpu, scene, document, &job, &Silent).expect("a bake");
+    baker.step(Limit::Converged).expect("a bake");
+    let mut frames = vec![values(&mut baker)];
+    let Ok(Command::Edit(edit)) = Command::parse(line) else {
+        panic!("{line} is no edit");
+    };
+    baker.apply(&edit, Path::new(".")).expect("an edit");
+    while !baker.is_converged() {
+        baker.step(Limit::Updates(every)).expect("updates");
+        frames.push(values(&mut baker));
+    }
+    frames
+}
+
+#[test]
+fn a_light_that_is_dimmed_grows_dark_without_flicker() {
+    let frames = frames(r#"{"do": "material", "material": "lamp", "emissiveStrength": 2500}"#, 4);
+    let (old, new) = (&frames[0], &frames[frames.len() - 1]);
+    let (bright, dark) = (mean(old), mean(new));
+    assert!(frames.len() > 20 && dark < 0.6 * bright, "{bright} {dark}");
+    for (at, frame) in frames.iter().enumerate() {
+        let now = mean(frame);
+        assert!(
+            now <= 1.01 * bright && now >= 0.99 * dark,
+            "update {at}: {dark} <= {now} <= {bright}"
+        );
+        let beyond = (0..frame.len())
+            .map(|i| {
+                let (low, high) = (old[i].min(new[i]), old[i].max(new[i]));
+                (frame[i] - high).max(low - frame[i])
+            })
+            .fold(0.0, f32::max);
+        assert!(
+            f64::from(beyond) <= 0.02 * bright,
+            "update {at}: a texel is {beyond} lux beyond both maps, whose means are {dark} and {bright}"
+        );
+    }
+}
