@@ -282,7 +282,8 @@ fn a_wrong_line_is_named_and_nothing_is_written_unless_told_to_go_on() {
     let options = format!("replay -q {SMALL} --keep-going -o");
     let output = rebake(&options, &[&out, &scene, &script]);
     assert!(output.status.success(), "{}", said(&output));
-    let replay: serde_json::Value = serde_json::from_slice(&read(&out, "replay.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&read(&out, "replay.json")).unwrap();
+    let replay = &report["replay"];
     assert!(replay.to_string().contains("nothing to undo"), "{replay}");
 }
 

@@ -20,7 +20,11 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
     let mut job = bake::job(&command.bake)?;
     // It is the map after the edits that --verify is about.
     let verify = std::mem::take(&mut job.verify);
-    let Baked { mut baker, .. } = rebake::bake::bake(&gpu, scene, document, &job, &console)?;
+    let Baked {
+        mut baker,
+        report: first,
+        ..
+    } = rebake::bake::bake(&gpu, scene, document, &job, &console)?;
     baker.set_turns_at(command.turns_at);
     baker.set_priority(match command.priority {
         args::Priority::Bounds => Priority::Bounds,
@@ -53,7 +57,11 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
     let mut extra = vec![
         (
             "replay.json".to_owned(),
-            serde_json::to_vec_pretty(&replay).context("writing the replay's report")?,
+            serde_json::to_vec_pretty(&json!({
+                "bake": { "seconds": first.seconds, "total_seconds": first.total_seconds },
+                "replay": replay,
+            }))
+            .context("writing the replay's report")?,
         ),
         ("convergence.csv".to_owned(), csv(&replay).into_bytes()),
         (
