@@ -1,22 +1,21 @@
 //! The baker: a scene whose lightmap follows its edits. It holds lights, knows which it should hold, and goes from the one
 //! to the other by updates that each leave the map whole.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use super::accumulate::Evaluation;
 use super::enclosed::enclosed;
-use super::journal::{Entry, Journal};
+use super::journal::Journal;
 use super::progress::{Stage, Stages};
 use super::records::ShadowSizes;
 use super::run::{BakeError, Job};
-use super::schedule::{self, Held, Plan, Priority, What};
+use super::schedule::{Held, Plan, Priority};
 use super::settings::{Clusters as Cells, Settings};
-use super::update::{Illumination, Sign};
+use super::update::Illumination;
 use super::uv_raster;
-use crate::cluster::{Budget, CellId, Clusters, Forest as _, Ledger, SimilaritySettings, Wanted};
+use crate::cluster::{Budget, CellId, Clusters, Ledger, SimilaritySettings, Wanted};
 use crate::gpu::{Gpu, GpuError};
 use crate::lightmap::detail::{Point, Probe};
 use crate::lightmap::texels::{ClaimStatistics, Texels};
@@ -28,12 +27,6 @@ use crate::transport::direct::DirectLight;
 use crate::transport::paths::{self, PathSettings};
 use crate::transport::validate::Validator;
 
-/// Paths traced again at a time, between two looks at the clock.
-const PATHS_AT_ONCE: usize = 4096;
-/// The share of a step's time that tracing may take before the map is updated with what is known.
-const TRACING_SHARE: f64 = 0.3;
-/// A cell with a larger share of invalid flux is exchanged, not brought to the current scene before that.
-const LEAVES: f64 = 0.3;
 /// The share of invalid flux at which validation and balancing take turns (eq. 2).
 pub const TURNS_AT: f64 = 0.1;
 
@@ -66,54 +59,28 @@ pub const TURNS_AT: f64 = 0.1;
 /// }
 /// ```
 pub struct Baker {
-    gpu: Gpu,
-    editor: Editor,
-    settings: Settings,
+    pub(super) gpu: Gpu,
+    pub(super) editor: Editor,
+    pub(super) settings: Settings,
     pub(super) atlas: Atlas,
     pub(super) texels: Texels,
     pub(super) claims: ClaimStatistics,
-    bvh: SceneBvh,
+    pub(super) bvh: SceneBvh,
     pub(super) validator: Validator,
-    clusters: Clusters,
-    target: Budget,
-    wanted: Wanted,
+    pub(super) clusters: Clusters,
+    pub(super) target: Budget,
+    pub(super) wanted: Wanted,
     /// The wanted cells are those of the clusters and the target.
-    settled: bool,
+    pub(super) settled: bool,
     /// An edit came, and direct light has not followed it yet.
-    edited: bool,
+    pub(super) edited: bool,
     pub(super) held: BTreeMap<CellId, Held>,
-    plan: Plan,
-    turns_at: f64,
+    pub(super) plan: Plan,
+    pub(super) turns_at: f64,
     pub(super) illumination: Illumination,
-    journal: Journal,
-    ledger: Ledger,
-    priority: Priority,
-}
-
-/// How far [`Baker::step`] goes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Limit {
-    /// Until nothing is left to do.
-    Converged,
-    /// For about so long; at least one update, if there is one.
-    Time(Duration),
-    /// For so many updates.
-    Updates(u64),
-}
-
-/// Where a baker stands.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Progress {
-    /// Updates done by this step.
-    pub updates: u64,
-    /// Updates known to be left; more can come while paths are being validated.
-    pub left: u64,
-    /// Paths that wait to be validated.
-    pub invalid_paths: u64,
-    /// Lumens (mean over RGB) that are known or estimated to be wrong in the map.
-    pub invalid_flux: f64,
-    /// Nothing is left to do.
-    pub converged: bool,
+    pub(super) journal: Journal,
+    pub(super) ledger: Ledger,
+    pub(super) priority: Priority,
 }
 
 impl Baker {
@@ -332,247 +299,6 @@ impl Baker {
         self.wanted.error()
     }
 
-    /// Evaluations of lights that the plan still needs.
-    pub(super) fn lights_left(&mut self) -> u64 {
-        self.settle(None);
-        self.plan.lights()
-    }
-
-    /// Whether the map is that of a fresh bake.
-    pub fn is_converged(&self) -> bool {
-        self.settled && self.validator.is_valid() && self.plan.len() == 0
-    }
-
-    /// Works on the map.
-    ///
-    /// # Errors
-    /// No memory, a lost device.
-    pub fn step(&mut self, limit: Limit) -> Result<Progress, GpuError> {
-        self.step_with(limit, &mut |_, _| {})
-    }
-
-    /// As [`Baker::step`]; `told` hears how many lights have been sent of how many.
-    pub(super) fn step_with(
-        &mut self,
-        limit: Limit,
-        told: &mut dyn FnMut(u64, u64),
-    ) -> Result<Progress, GpuError> {
-        let start = Instant::now();
-        let mut updates = 0;
-        let before = self.illumination.lights_sent();
-        if std::mem::take(&mut self.edited) {
-            updates += self.follow_with_direct_light(limit, start)?;
-        }
-        loop {
-            let tracing = match limit {
-                Limit::Time(time) => Some(start + time.mul_f64(TRACING_SHARE)),
-                _ => None,
-            };
-            self.settle(tracing);
-            let total = self.plan.lights();
-            if limit == Limit::Updates(updates) {
-                self.illumination.send()?;
-                return Ok(self.standing(updates));
-            }
-            while let Some(update) = self.plan.next(self.turns_at) {
-                self.perform(&update)?;
-                updates += 1;
-                self.illumination.poll()?;
-                self.journal.reach(self.illumination.taken_and_done().1);
-                let sent = self.illumination.lights_sent() - before;
-                told(sent, sent + total);
-                let enough = match limit {
-                    Limit::Converged => false,
-                    Limit::Time(time) => start.elapsed() >= time,
-                    Limit::Updates(n) => updates >= n,
-                };
-                if enough {
-                    self.illumination.send()?;
-                    return Ok(self.standing(updates));
-                }
-            }
-            self.forget()?;
-            if self.is_converged() {
-                self.illumination.flush()?;
-                self.journal.reach(self.illumination.taken_and_done().1);
-                self.ledger = Ledger::new(&self.clusters);
-                return Ok(self.standing(updates));
-            }
-            if let Limit::Time(time) = limit
-                && start.elapsed() >= time
-            {
-                self.illumination.send()?;
-                return Ok(self.standing(updates));
-            }
-        }
-    }
-
-    fn standing(&self, updates: u64) -> Progress {
-        Progress {
-            updates,
-            left: self.plan.len() as u64,
-            invalid_paths: self.validator.invalid_paths() as u64,
-            invalid_flux: self.plan.invalid_flux() + self.validator.invalid_flux(),
-            converged: self.is_converged(),
-        }
-    }
-
-    /// After an edit: what needs no path to be known, so that the device has work while the host traces.
-    fn follow_with_direct_light(&mut self, limit: Limit, start: Instant) -> Result<u64, GpuError> {
-        let scene = self.editor.scene().clone();
-        let differences = self.validator.step(&scene, &self.bvh, 0);
-        self.clusters
-            .apply(&scene, self.validator.paths(), &differences);
-        self.ledger.note(&self.clusters, &self.held, &differences);
-        self.wanted.update(&self.clusters, self.target);
-        self.replan();
-        let mut updates = 0;
-        while let Some(update) = self.plan.next_direct() {
-            self.perform(&update)?;
-            updates += 1;
-            self.illumination.poll()?;
-            self.journal.reach(self.illumination.taken_and_done().1);
-            let enough = match limit {
-                Limit::Converged => false,
-                Limit::Time(time) => start.elapsed() >= time,
-                Limit::Updates(n) => updates >= n,
-            };
-            if enough {
-                break;
-            }
-        }
-        Ok(updates)
-    }
-
-    /// Validates paths, until `until` or to the end, and plans what follows from them.
-    fn settle(&mut self, until: Option<Instant>) {
-        if self.settled && self.validator.is_valid() {
-            return;
-        }
-        let scene = self.editor.scene().clone();
-        while !self.validator.is_valid() {
-            let paths = until.map_or(usize::MAX, |_| PATHS_AT_ONCE);
-            let differences = self.validator.step(&scene, &self.bvh, paths);
-            self.clusters
-                .apply(&scene, self.validator.paths(), &differences);
-            self.ledger.note(&self.clusters, &self.held, &differences);
-            if until.is_some_and(|until| Instant::now() >= until) {
-                break;
-            }
-        }
-        self.wanted.update(&self.clusters, self.target);
-        self.settled = true;
-        self.replan();
-    }
-
-    /// Scenes that no light is held under any more make room.
-    fn forget(&mut self) -> Result<(), GpuError> {
-        if self.journal.is_on() {
-            return Ok(());
-        }
-        let current = self.illumination.version();
-        let oldest = self.held.values().map(|h| h.version).min();
-        self.illumination.forget(oldest.unwrap_or(current))
-    }
-
-    fn replan(&mut self) {
-        let wanted = self.wanted.cells();
-        let scale = self.clusters.scale().max(f64::MIN_POSITIVE);
-        let key = |cell: &CellId| self.clusters.key(cell) as f64 / scale;
-        let groups = schedule::exchanges(&self.held, wanted, |c| self.clusters.parent(c));
-        let mut updates: Vec<_> = groups
-            .into_iter()
-            .filter(|(subtract, add)| {
-                !(self.settings.indirect_only && schedule::all_direct(subtract, add))
-            })
-            .map(|group| {
-                let ledger = |cell: &CellId| self.ledger.flux(cell);
-                schedule::exchange(group, &self.held, wanted, key, ledger)
-            })
-            .collect();
-        let current = self.illumination.version();
-        // What is about to leave anyhow need not follow the scene first.
-        let leaving: BTreeSet<CellId> = updates
-            .iter()
-            .filter(|u| u.invalid > LEAVES)
-            .flat_map(|u| u.leaving())
-            .copied()
-            .collect();
-        let mut regions = BTreeMap::new();
-        for (&cell, held) in &self.held {
-            if held.version == current || leaving.contains(&cell) {
-                continue;
-            }
-            let regions = regions
-                .entry(held.version)
-                .or_insert_with(|| self.illumination.between(held.version));
-            let invalid = self.ledger.flux(&cell);
-            updates.push(schedule::advance(
-                cell,
-                held,
-                regions,
-                invalid,
-                self.priority,
-            ));
-        }
-        self.plan = Plan::new(updates, self.plan.owed());
-    }
-
-    /// Does an update: all of it is sent before anything else is.
-    fn perform(&mut self, update: &schedule::Update) -> Result<(), GpuError> {
-        let current = self.illumination.version();
-        match &update.what {
-            What::Advance(cell) => {
-                // It may have been exchanged since it was planned.
-                if let Some(held) = self.held.get_mut(cell)
-                    && held.version != current
-                {
-                    for light in &held.selected.lights {
-                        self.illumination
-                            .push_difference(light, held.version, current)?;
-                    }
-                    let mut entry = Entry::new(update.kind, current);
-                    entry.advanced = Some(held.clone());
-                    held.version = current;
-                    self.ledger.take(cell);
-                    let (taken, _) = self.illumination.taken_and_done();
-                    self.journal.note(entry, self.plan.invalid_flux(), taken);
-                }
-            }
-            What::Exchange { subtract, add } => {
-                let mut entry = Entry::new(update.kind, current);
-                for cell in subtract {
-                    if let Some(held) = self.held.remove(cell) {
-                        for light in &held.selected.lights {
-                            self.illumination
-                                .push(light.clone(), Sign::Subtract, held.version)?;
-                        }
-                        entry.subtracted.push(held);
-                    }
-                }
-                for cell in add {
-                    if let Some(selected) = self.wanted.cells().get(cell).cloned() {
-                        for light in &selected.lights {
-                            self.illumination.push(light.clone(), Sign::Add, current)?;
-                        }
-                        let held = Held {
-                            selected,
-                            version: current,
-                        };
-                        entry.added.push(held.clone());
-                        self.held.insert(*cell, held);
-                    }
-                }
-                for cell in subtract.iter().chain(add) {
-                    self.ledger.take(cell);
-                }
-                let (taken, _) = self.illumination.taken_and_done();
-                self.journal.note(entry, self.plan.invalid_flux(), taken);
-            }
-        }
-        Ok(())
-    }
-
     /// An empty map of the scene, apart from the one that is worked on.
     pub(super) fn fresh_map(&self, scene: &Scene) -> Result<Illumination, GpuError> {
         empty_map(
@@ -582,6 +308,24 @@ impl Baker {
             &self.settings,
             self.atlas.density,
         )
+    }
+
+    /// Tiles of the objects that are there, in the objects' order: as a fresh bake lists them.
+    pub(super) fn live_tiles(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let scene = self.editor.scene();
+        (0u32..)
+            .zip(&self.texels.tiles)
+            .filter(|(o, _)| (*o as usize) < scene.objects.len() && !scene.is_gone(*o))
+            .map(|(_, t)| t.start as usize * Texel::TILE..t.end as usize * Texel::TILE)
+    }
+
+    /// Texels of the objects that are there.
+    pub(super) fn lit_texels(&self) -> u64 {
+        let lit = |t: &&Texel| t.pixel != Texel::NONE;
+        let of = |range: std::ops::Range<usize>| {
+            self.texels.list[range].iter().filter(lit).count() as u64
+        };
+        self.live_tiles().map(of).sum()
     }
 
     /// Waits, then resolves what the map holds at this moment.
@@ -594,12 +338,9 @@ impl Baker {
         // In the objects' order, without what is gone: as a fresh bake lists them.
         let mut shown = Texels::default();
         let mut values = Vec::new();
-        for (object, tiles) in (0..).zip(&self.texels.tiles) {
-            if (object as usize) < scene.objects.len() && !scene.is_gone(object) {
-                let range = tiles.start as usize * Texel::TILE..tiles.end as usize * Texel::TILE;
-                shown.list.extend(&self.texels.list[range.clone()]);
-                values.extend(&irradiance[range]);
-            }
+        for range in self.live_tiles() {
+            shown.list.extend(&self.texels.list[range.clone()]);
+            values.extend(&irradiance[range]);
         }
         let enclosed = enclosed(&scene, &self.bvh, &shown.list);
         for (value, enclosed) in values.iter_mut().zip(enclosed) {

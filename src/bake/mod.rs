@@ -21,11 +21,12 @@ mod shaders;
 mod shadow;
 mod shadow_bench;
 pub mod shared;
+mod step;
 mod update;
 pub mod uv_raster;
 mod versions;
 
-pub use baker::{Baker, Limit, Progress, TURNS_AT};
+pub use baker::{Baker, TURNS_AT};
 pub use journal::Entry;
 pub use occluders::Occluders;
 pub use place::Receivers;
@@ -38,6 +39,7 @@ pub use settings::{
     Clusters, MAX_BOUNCES, Options, Preset, Quality, Settings, SettingsError, fixed_point_bits,
 };
 pub use shadow_bench::{ShadowBench, ShadowCost};
+pub use step::{Limit, Progress};
 pub use update::{Illumination, Sign};
 pub use versions::Version;
 

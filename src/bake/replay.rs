@@ -3,14 +3,16 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::baker::{Baker, Limit};
+use super::baker::Baker;
 use super::journal::Entry;
 use super::progress::{Listener, Stage};
 use super::residual::Residual;
 use super::run::{BakeError, compare_sums};
 use super::schedule::Kind;
+use super::step::Limit;
 use super::update::{Illumination, Sign};
 use crate::gpu::GpuError;
+use crate::lightmap::Texel;
 use crate::scene::edit::{Command, Until};
 
 /// A line of a script, as it was played.
@@ -201,24 +203,16 @@ impl Baker {
     /// Walks back from the converged map to the first one, update by update, and says how far each was from the end; the
     /// map is as before afterwards.
     fn convergence(&mut self, entries: Vec<Entry>) -> Result<(f64, f64, Vec<Step>), GpuError> {
-        let scene = self.scene().clone();
         let gpu = self.gpu().clone();
-        let standing: Vec<std::ops::Range<u32>> = (0u32..)
-            .zip(&self.texels.tiles)
-            .filter(|(o, _)| (*o as usize) < scene.objects.len() && !scene.is_gone(*o))
-            .map(|(_, tiles)| tiles.clone())
-            .collect();
-        let values: f64 = standing
-            .iter()
-            .map(|t| f64::from(t.end - t.start) * 192.0)
-            .sum();
+        let live: Vec<std::ops::Range<usize>> = self.live_tiles().collect();
+        let values = 3.0 * live.iter().map(|range| range.len() as f64).sum::<f64>();
         let map = &mut self.illumination;
         map.flush()?;
         let residual = Residual::new(&gpu, map.pass(), map.tiles())?;
         let irradiance = map.irradiance()?;
-        let mean = standing
+        let mean = live
             .iter()
-            .flat_map(|t| &irradiance[t.start as usize * 64..t.end as usize * 64])
+            .flat_map(|range| &irradiance[range.clone()])
             .map(|e| f64::from(e[0]) + f64::from(e[1]) + f64::from(e[2]))
             .sum::<f64>()
             / values.max(1.0);
@@ -239,9 +233,10 @@ impl Baker {
             take_back(map, &entry)?;
             map.flush()?;
             let residuals = residual.measure(&gpu, map.pass())?;
-            let sum: f64 = standing
+            let tile = Texel::TILE;
+            let sum: f64 = live
                 .iter()
-                .flat_map(|t| &residuals[t.start as usize..t.end as usize])
+                .flat_map(|range| &residuals[range.start / tile..range.end / tile])
                 .map(|r| f64::from(*r))
                 .sum();
             rms = (sum / values.max(1.0)).sqrt();

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use super::baker::{Baker, Limit};
+use super::baker::Baker;
 use super::progress::{Listener, Stage, Stages};
 use super::report::{AtlasReport, Counts, DeviceReport, FluxReport, Memory, Report, host_peak};
 use super::schedule::Held;
 use super::settings::{Options, Settings};
 use super::shared::TILE;
+use super::step::Limit;
 use super::update::Sign;
 use crate::cluster::{Budget, CellId, Shape};
 use crate::gpu::{Gpu, GpuError};
@@ -208,7 +209,7 @@ impl Baker {
                 .sum(),
             objects: standing().count() as u64,
             lights: scene.lights.len() as u64,
-            texels: self.claims.texels.into(),
+            texels: self.lit_texels(),
             t_uv: self.claims.t_uv.into(),
             p_uv: self.claims.p_uv.into(),
             paths: paths.paths() as u64,

@@ -1,0 +1,287 @@
+//! The work on the map: what validation finds is planned, what is planned is done, and time is looked at in between.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+
+use super::baker::Baker;
+use super::journal::Entry;
+use super::schedule::{self, Held, Plan, What};
+use super::update::Sign;
+use crate::cluster::{CellId, Forest as _, Ledger};
+use crate::gpu::GpuError;
+
+/// Paths traced again at a time, between two looks at the clock.
+const PATHS_AT_ONCE: usize = 4096;
+/// The share of a step's time that tracing may take before the map is updated with what is known.
+const TRACING_SHARE: f64 = 0.3;
+/// A cell with a larger share of invalid flux is exchanged, not brought to the current scene before that.
+const LEAVES: f64 = 0.3;
+
+/// How far [`Baker::step`] goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// Until nothing is left to do.
+    Converged,
+    /// For about so long; at least one update, if there is one.
+    Time(Duration),
+    /// For so many updates.
+    Updates(u64),
+}
+
+/// Where a baker stands.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Progress {
+    /// Updates done by this step.
+    pub updates: u64,
+    /// Updates known to be left; more can come while paths are being validated.
+    pub left: u64,
+    /// Paths that wait to be validated.
+    pub invalid_paths: u64,
+    /// Lumens (mean over RGB) that are known or estimated to be wrong in the map.
+    pub invalid_flux: f64,
+    /// Nothing is left to do.
+    pub converged: bool,
+}
+
+impl Baker {
+    /// Whether the map is that of a fresh bake.
+    pub fn is_converged(&self) -> bool {
+        self.settled && self.validator.is_valid() && self.plan.len() == 0
+    }
+
+    /// Works on the map.
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn step(&mut self, limit: Limit) -> Result<Progress, GpuError> {
+        self.step_with(limit, &mut |_, _| {})
+    }
+
+    /// As [`Baker::step`]; `told` hears how many lights have been sent of how many.
+    pub(super) fn step_with(
+        &mut self,
+        limit: Limit,
+        told: &mut dyn FnMut(u64, u64),
+    ) -> Result<Progress, GpuError> {
+        let start = Instant::now();
+        let mut updates = 0;
+        let before = self.illumination.lights_sent();
+        if std::mem::take(&mut self.edited) {
+            updates += self.follow_with_direct_light(limit, start)?;
+        }
+        loop {
+            let tracing = match limit {
+                Limit::Time(time) => Some(start + time.mul_f64(TRACING_SHARE)),
+                _ => None,
+            };
+            self.settle(tracing);
+            let total = self.plan.lights();
+            if limit == Limit::Updates(updates) {
+                self.illumination.send()?;
+                return Ok(self.standing(updates));
+            }
+            while let Some(update) = self.plan.next(self.turns_at) {
+                self.perform(&update)?;
+                updates += 1;
+                self.illumination.poll()?;
+                self.journal.reach(self.illumination.taken_and_done().1);
+                let sent = self.illumination.lights_sent() - before;
+                told(sent, sent + total);
+                let enough = match limit {
+                    Limit::Converged => false,
+                    Limit::Time(time) => start.elapsed() >= time,
+                    Limit::Updates(n) => updates >= n,
+                };
+                if enough {
+                    self.illumination.send()?;
+                    return Ok(self.standing(updates));
+                }
+            }
+            self.forget()?;
+            if self.is_converged() {
+                self.illumination.flush()?;
+                self.journal.reach(self.illumination.taken_and_done().1);
+                self.ledger = Ledger::new(&self.clusters);
+                return Ok(self.standing(updates));
+            }
+            if let Limit::Time(time) = limit
+                && start.elapsed() >= time
+            {
+                self.illumination.send()?;
+                return Ok(self.standing(updates));
+            }
+        }
+    }
+
+    fn standing(&self, updates: u64) -> Progress {
+        Progress {
+            updates,
+            left: self.plan.len() as u64,
+            invalid_paths: self.validator.invalid_paths() as u64,
+            invalid_flux: self.plan.invalid_flux() + self.validator.invalid_flux(),
+            converged: self.is_converged(),
+        }
+    }
+
+    /// After an edit: what needs no path to be known, so that the device has work while the host traces.
+    fn follow_with_direct_light(&mut self, limit: Limit, start: Instant) -> Result<u64, GpuError> {
+        let scene = self.editor.scene().clone();
+        let differences = self.validator.step(&scene, &self.bvh, 0);
+        self.clusters
+            .apply(&scene, self.validator.paths(), &differences);
+        self.ledger.note(&self.clusters, &self.held, &differences);
+        self.wanted.update(&self.clusters, self.target);
+        self.replan();
+        let mut updates = 0;
+        while let Some(update) = self.plan.next_direct() {
+            self.perform(&update)?;
+            updates += 1;
+            self.illumination.poll()?;
+            self.journal.reach(self.illumination.taken_and_done().1);
+            let enough = match limit {
+                Limit::Converged => false,
+                Limit::Time(time) => start.elapsed() >= time,
+                Limit::Updates(n) => updates >= n,
+            };
+            if enough {
+                break;
+            }
+        }
+        Ok(updates)
+    }
+
+    /// Validates paths, until `until` or to the end, and plans what follows from them.
+    fn settle(&mut self, until: Option<Instant>) {
+        if self.settled && self.validator.is_valid() {
+            return;
+        }
+        let scene = self.editor.scene().clone();
+        while !self.validator.is_valid() {
+            let paths = until.map_or(usize::MAX, |_| PATHS_AT_ONCE);
+            let differences = self.validator.step(&scene, &self.bvh, paths);
+            self.clusters
+                .apply(&scene, self.validator.paths(), &differences);
+            self.ledger.note(&self.clusters, &self.held, &differences);
+            if until.is_some_and(|until| Instant::now() >= until) {
+                break;
+            }
+        }
+        self.wanted.update(&self.clusters, self.target);
+        self.settled = true;
+        self.replan();
+    }
+
+    /// Scenes that no light is held under any more make room.
+    fn forget(&mut self) -> Result<(), GpuError> {
+        if self.journal.is_on() {
+            return Ok(());
+        }
+        let current = self.illumination.version();
+        let oldest = self.held.values().map(|h| h.version).min();
+        self.illumination.forget(oldest.unwrap_or(current))
+    }
+
+    fn replan(&mut self) {
+        let wanted = self.wanted.cells();
+        let scale = self.clusters.scale().max(f64::MIN_POSITIVE);
+        let key = |cell: &CellId| self.clusters.key(cell) as f64 / scale;
+        let groups = schedule::exchanges(&self.held, wanted, |c| self.clusters.parent(c));
+        let mut updates: Vec<_> = groups
+            .into_iter()
+            .filter(|(subtract, add)| {
+                !(self.settings.indirect_only && schedule::all_direct(subtract, add))
+            })
+            .map(|group| {
+                let ledger = |cell: &CellId| self.ledger.flux(cell);
+                schedule::exchange(group, &self.held, wanted, key, ledger)
+            })
+            .collect();
+        let current = self.illumination.version();
+        // What is about to leave anyhow need not follow the scene first.
+        let leaving: BTreeSet<CellId> = updates
+            .iter()
+            .filter(|u| u.invalid > LEAVES)
+            .flat_map(|u| u.leaving())
+            .copied()
+            .collect();
+        let mut regions = BTreeMap::new();
+        for (&cell, held) in &self.held {
+            if held.version == current || leaving.contains(&cell) {
+                continue;
+            }
+            let regions = regions
+                .entry(held.version)
+                .or_insert_with(|| self.illumination.between(held.version));
+            let invalid = self.ledger.flux(&cell);
+            updates.push(schedule::advance(
+                cell,
+                held,
+                regions,
+                invalid,
+                self.priority,
+            ));
+        }
+        self.plan = Plan::new(updates, self.plan.owed());
+    }
+
+    /// Does an update: all of it is sent before anything else is.
+    fn perform(&mut self, update: &schedule::Update) -> Result<(), GpuError> {
+        let current = self.illumination.version();
+        match &update.what {
+            What::Advance(cell) => {
+                // It may have been exchanged since it was planned.
+                if let Some(held) = self.held.get_mut(cell)
+                    && held.version != current
+                {
+                    for light in &held.selected.lights {
+                        self.illumination
+                            .push_difference(light, held.version, current)?;
+                    }
+                    let mut entry = Entry::new(update.kind, current);
+                    entry.advanced = Some(held.clone());
+                    held.version = current;
+                    self.ledger.take(cell);
+                    let (taken, _) = self.illumination.taken_and_done();
+                    self.journal.note(entry, self.plan.invalid_flux(), taken);
+                }
+            }
+            What::Exchange { subtract, add } => {
+                let mut entry = Entry::new(update.kind, current);
+                for cell in subtract {
+                    if let Some(held) = self.held.remove(cell) {
+                        for light in &held.selected.lights {
+                            self.illumination
+                                .push(light.clone(), Sign::Subtract, held.version)?;
+                        }
+                        entry.subtracted.push(held);
+                    }
+                }
+                for cell in add {
+                    if let Some(selected) = self.wanted.cells().get(cell).cloned() {
+                        for light in &selected.lights {
+                            self.illumination.push(light.clone(), Sign::Add, current)?;
+                        }
+                        let held = Held {
+                            selected,
+                            version: current,
+                        };
+                        entry.added.push(held.clone());
+                        self.held.insert(*cell, held);
+                    }
+                }
+                for cell in subtract.iter().chain(add) {
+                    self.ledger.take(cell);
+                }
+                let (taken, _) = self.illumination.taken_and_done();
+                self.journal.note(entry, self.plan.invalid_flux(), taken);
+            }
+        }
+        Ok(())
+    }
+
+    /// Evaluations of lights that the plan still needs.
+    pub(super) fn lights_left(&mut self) -> u64 {
+        self.settle(None);
+        self.plan.lights()
+    }
+}
