@@ -1,6 +1,6 @@
 #version 460
 // Adds the irradiance of a batch of lights to the lightmap (VPL13 section 6.1): a workgroup takes a tile and the lights
-// that reach it, an invocation one or several texels. One read-modify-write a batch, every light is rounded to fixed point by itself,
+// that reach it, an invocation one or several texels. One read-modify-write a batch; every light is rounded to fixed point by itself,
 // so that sums depend neither on batches nor on order.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
@@ -107,7 +107,10 @@ void main() {
         View front = views.at[light.view];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
             vec3 p = positions[k], n = normals[k], f = faces[k];
-            float value = hidden(light, p, f) ? 0.0 : transfer(light, i, p, n) * scale;
+            // Both, then the choice: on SIMD processors a branch around the loop over edges costs more than the loop.
+            bool dark = hidden(light, p, f);
+            float value = transfer(light, i, p, n) * scale;
+            value = dark ? 0.0 : value;
             View view = front;
             if (FORM == FORM_PUNCTUAL) {
                 // A point has two hemicubes, back to back.

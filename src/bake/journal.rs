@@ -21,8 +21,8 @@ pub struct Entry {
     pub(super) subtracted: Vec<Held>,
     /// Cells that came.
     pub(super) added: Vec<Held>,
-    /// Lights that the map had taken in after it.
-    taken: u64,
+    /// Lights that the map had taken in after it, indirect and direct ones.
+    taken: [u64; 2],
     /// A cell that only went from its version to the current one.
     pub(super) advanced: Option<Held>,
 }
@@ -33,7 +33,7 @@ impl Entry {
             kind,
             seconds: f64::NAN,
             invalid_flux: 0.0,
-            taken: 0,
+            taken: [0; 2],
             version,
             subtracted: Vec::new(),
             added: Vec::new(),
@@ -84,8 +84,8 @@ impl Journal {
         self.0.is_some()
     }
 
-    /// `taken`: lights that the map has taken in, those of the entry included.
-    pub(super) fn note(&mut self, entry: Entry, invalid_flux: f64, taken: u64) {
+    /// `taken`: lights that the map has taken in (indirect, direct), those of the entry included.
+    pub(super) fn note(&mut self, entry: Entry, invalid_flux: f64, taken: [u64; 2]) {
         if let Some(pages) = &mut self.0 {
             pages.entries.push(Entry {
                 invalid_flux,
@@ -96,11 +96,11 @@ impl Journal {
     }
 
     /// So many lights are in the map by now.
-    pub(super) fn reach(&mut self, done: u64) {
+    pub(super) fn reach(&mut self, done: [u64; 2]) {
         if let Some(pages) = &mut self.0 {
             let seconds = pages.start.elapsed().as_secs_f64();
             while let Some(entry) = pages.entries.get_mut(pages.done) {
-                if entry.taken > done {
+                if (0..2).any(|q| entry.taken[q] > done[q]) {
                     break;
                 }
                 entry.seconds = seconds;

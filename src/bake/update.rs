@@ -53,12 +53,22 @@ pub struct Illumination {
     shadow: ShadowPass,
     accumulate: AccumulatePass,
     sizes: ShadowSizes,
-    pending: Vec<Pending>,
-    in_flight: VecDeque<(Ticket, Instant, usize)>,
+    /// Indirect lights and direct ones: they are evaluated by different passes, so each fills batches of its own.
+    pending: [Vec<Pending>; 2],
+    in_flight: VecDeque<Flight>,
     /// Lights per submission, so that it stays below [`SUBMISSION`].
     batch: usize,
-    lights: u64,
+    /// Sent so far, indirect and direct ones.
+    lights: [u64; 2],
     pairs: BTreeMap<&'static str, u64>,
+}
+
+/// A submission.
+struct Flight {
+    ticket: Ticket,
+    sent: Instant,
+    /// Indirect and direct lights.
+    lights: [u64; 2],
 }
 
 impl Illumination {
@@ -87,7 +97,7 @@ impl Illumination {
             gpu: gpu.clone(),
             receivers,
             sizes,
-            pending: Vec::new(),
+            pending: [const { Vec::new() }; 2],
             in_flight: VecDeque::new(),
             // Nobody kills what runs on a CPU, and larger batches are faster there too.
             batch: if gpu.info().kind == "CPU" {
@@ -95,7 +105,7 @@ impl Illumination {
             } else {
                 FIRST_BATCH
             },
-            lights: 0,
+            lights: [0; 2],
             pairs: BTreeMap::new(),
         })
     }
@@ -150,7 +160,11 @@ impl Illumination {
         self.occluders
             .add(&self.gpu, &mut cmd, scene, &standing, &instances)?;
         self.versions.upload(&self.gpu, &mut cmd)?;
-        self.in_flight.push_back((cmd.submit()?, Instant::now(), 0));
+        self.in_flight.push_back(Flight {
+            ticket: cmd.submit()?,
+            sent: Instant::now(),
+            lights: [0; 2],
+        });
         Ok(version)
     }
 
@@ -166,7 +180,11 @@ impl Illumination {
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
         self.versions.upload(&self.gpu, &mut cmd)?;
-        self.in_flight.push_back((cmd.submit()?, Instant::now(), 0));
+        self.in_flight.push_back(Flight {
+            ticket: cmd.submit()?,
+            sent: Instant::now(),
+            lights: [0; 2],
+        });
         Ok(())
     }
 
@@ -208,17 +226,16 @@ impl Illumination {
     }
 
     fn enter(&mut self, new: Pending) -> Result<()> {
-        let fits = self.pending.first().is_none_or(|first| {
-            first.light.direct == new.light.direct
-                && self.pending.len() < self.batch
-                && self.elements(self.pending.iter().map(|p| &p.light))
-                    + self.elements([&new.light])
-                    <= self.shadow.elements()
-        });
+        let queue = usize::from(new.light.direct);
+        let pending = &self.pending[queue];
+        let fits = pending.is_empty()
+            || pending.len() < self.batch
+                && self.elements(pending.iter().map(|p| &p.light)) + self.elements([&new.light])
+                    <= self.shadow.elements();
         if !fits {
-            self.send()?;
+            self.send_queue(queue)?;
         }
-        self.pending.push(new);
+        self.pending[queue].push(new);
         Ok(())
     }
 
@@ -247,7 +264,7 @@ impl Illumination {
 
     /// Virtual lights sent so far, subtractions included.
     pub fn lights_sent(&self) -> u64 {
-        self.lights
+        self.lights.iter().sum()
     }
 
     /// Waits, then reads the irradiance of every texel slot, in lux.
@@ -292,7 +309,13 @@ impl Illumination {
 
     /// Sends what is pending, without waiting for it.
     pub fn send(&mut self) -> Result<()> {
-        if self.pending.is_empty() {
+        // Direct light first.
+        self.send_queue(1)?;
+        self.send_queue(0)
+    }
+
+    fn send_queue(&mut self, queue: usize) -> Result<()> {
+        if self.pending[queue].is_empty() {
             return Ok(());
         }
         while self.in_flight.len() >= IN_FLIGHT {
@@ -301,10 +324,10 @@ impl Illumination {
         let mut views = Vec::new();
         let mut offset = 0;
         let mut regions: Vec<Region> = Vec::new();
-        let soft = self.pending[0].light.direct;
+        let soft = queue == 1;
         let mut lights = Vec::new();
         let mut between = (0, 0, 0..0);
-        for pending in &self.pending {
+        for pending in &self.pending[queue] {
             let (a, b) = (
                 pending.version.min(pending.other),
                 pending.version.max(pending.other),
@@ -353,17 +376,22 @@ impl Illumination {
             instances,
             &batch,
         )?;
-        self.in_flight
-            .push_back((cmd.submit()?, Instant::now(), lights.len()));
-        self.lights += lights.len() as u64;
-        self.pending.clear();
+        let mut sent = [0; 2];
+        sent[queue] = lights.len() as u64;
+        self.in_flight.push_back(Flight {
+            ticket: cmd.submit()?,
+            sent: Instant::now(),
+            lights: sent,
+        });
+        self.lights[queue] += sent[queue];
+        self.pending[queue].clear();
         Ok(())
     }
 
     /// Takes note of submissions that have finished; sends what is pending if the device has nothing to do.
     pub(super) fn poll(&mut self) -> Result<()> {
-        while let Some((ticket, ..)) = self.in_flight.front() {
-            if !ticket.is_done()? {
+        while let Some(flight) = self.in_flight.front() {
+            if !flight.ticket.is_done()? {
                 return Ok(());
             }
             self.retire()?;
@@ -371,27 +399,27 @@ impl Illumination {
         self.send()
     }
 
-    /// Lights taken in, and of these the ones that are in the map.
-    pub(super) fn taken_and_done(&self) -> (u64, u64) {
-        let flying: usize = self.in_flight.iter().map(|f| f.2).sum();
-        let taken = self.lights + self.pending.len() as u64;
-        (taken, self.lights - flying as u64)
+    /// Lights taken in, indirect and direct ones, and of these those that are in the map.
+    pub(super) fn taken_and_done(&self) -> ([u64; 2], [u64; 2]) {
+        let taken = [0, 1].map(|q| self.lights[q] + self.pending[q].len() as u64);
+        let flying = |q: usize| self.in_flight.iter().map(|f| f.lights[q]).sum::<u64>();
+        (taken, [0, 1].map(|q| self.lights[q] - flying(q)))
     }
 
     /// Waits for the oldest submission and learns from the time it took.
     fn retire(&mut self) -> Result<()> {
-        let Some((ticket, sent, lights)) = self.in_flight.pop_front() else {
+        let Some(flight) = self.in_flight.pop_front() else {
             return Ok(());
         };
-        ticket.wait()?;
+        flight.ticket.wait()?;
         if self.gpu.info().kind == "CPU" {
             return Ok(());
         }
         // A batch waits for the one before it: the span holds both.
-        let took = sent.elapsed() / IN_FLIGHT as u32;
+        let took = flight.sent.elapsed() / IN_FLIGHT as u32;
         if took > SUBMISSION {
             self.batch = (self.batch / 2).max(1);
-        } else if took * 3 < SUBMISSION && lights >= self.batch {
+        } else if took * 3 < SUBMISSION && flight.lights.iter().sum::<u64>() >= self.batch as u64 {
             self.batch = (self.batch * 2).min(BATCH as usize);
         }
         Ok(())
