@@ -18,7 +18,9 @@ use super::shared::{
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 
 /// A polygon further away than this many of its radii is evaluated as a disk; twice as far where a horizon may cut it.
-pub(super) const FAR: f32 = 6.0;
+/// Face on, that is 4 % too much there. With 6 radii the Cornell box has a median error of 0.71 %, not 0.74 %, for 14 %
+/// more time.
+pub(super) const FAR: f32 = 4.0;
 /// The same for direct lights, which are few and whose errors nothing averages: 0.3 % at most.
 const DIRECT_FAR: f32 = 20.0;
 /// Relative slack of depth comparisons.
