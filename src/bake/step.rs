@@ -147,6 +147,8 @@ impl Baker {
                 break;
             }
         }
+        // What is seen first is not to wait for its batch to fill.
+        self.illumination.send()?;
         Ok(updates)
     }
 

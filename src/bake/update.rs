@@ -25,6 +25,9 @@ const FIRST_BATCH: usize = 4;
 /// Submissions in flight: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
 
+/// Batches of one kind that a light of the other kind waits for at most: what comes first is to be seen first.
+const PATIENCE: u32 = 2;
+
 /// Whether a light's contribution is added or taken away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sign {
@@ -55,6 +58,8 @@ pub struct Illumination {
     sizes: ShadowSizes,
     /// Indirect lights and direct ones: they are evaluated by different passes, so each fills batches of its own.
     pending: [Vec<Pending>; 2],
+    /// Batches of the other kind that were sent since.
+    waited: [u32; 2],
     in_flight: VecDeque<Flight>,
     /// Lights per submission, so that it stays below [`SUBMISSION`].
     batch: usize,
@@ -98,6 +103,7 @@ impl Illumination {
             receivers,
             sizes,
             pending: [const { Vec::new() }; 2],
+            waited: [0; 2],
             in_flight: VecDeque::new(),
             // Nobody kills what runs on a CPU, and larger batches are faster there too.
             batch: if gpu.info().kind == "CPU" {
@@ -385,6 +391,14 @@ impl Illumination {
         });
         self.lights[queue] += sent[queue];
         self.pending[queue].clear();
+        self.waited[queue] = 0;
+        let other = 1 - queue;
+        if !self.pending[other].is_empty() {
+            self.waited[other] += 1;
+            if self.waited[other] >= PATIENCE {
+                return self.send_queue(other);
+            }
+        }
         Ok(())
     }
 
