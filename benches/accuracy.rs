@@ -9,8 +9,9 @@ use rayon::prelude::*;
 use rebake::cluster::evaluate::irradiance;
 use rebake::cluster::{Budget, Clusters, Shape, SimilaritySettings, VirtualLight};
 use rebake::scene::{Aperture, Scene};
-use rebake::transport::bvh::{SceneBvh, offset, weights};
+use rebake::transport::bvh::{SceneBvh, weights};
 use rebake::transport::emission::{Emitter, SpotFalloff, mean};
+use rebake::transport::intersect::offset;
 use rebake::transport::paths::{PathSettings, emitters, trace};
 use rebake::transport::sampling::{Distribution, Sequence, cosine_hemisphere, triangle};
 

@@ -11,7 +11,8 @@ use rebake::cluster::{Budget, Clusters, FluxScale, Octree, SimilaritySettings, W
 use rebake::scene::Scene;
 use rebake::scene::edit::Change;
 use rebake::transport::Validator;
-use rebake::transport::bvh::{SceneBvh, offset};
+use rebake::transport::bvh::SceneBvh;
+use rebake::transport::intersect::offset;
 use rebake::transport::paths::{PathSettings, trace};
 use rebake::transport::sampling::{Sequence, cosine_hemisphere};
 

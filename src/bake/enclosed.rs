@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::lightmap::Texel;
 use crate::scene::{Aperture, Scene};
 use crate::transport::SceneBvh;
-use crate::transport::bvh::offset;
+use crate::transport::intersect::offset;
 
 /// Rays of a texel. The first one that meets anything but a back side ends the search.
 const RAYS: usize = 24;

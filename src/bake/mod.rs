@@ -44,10 +44,4 @@ pub use update::{Illumination, Sign};
 pub use versions::Version;
 
 #[cfg(test)]
-mod depth_oracle;
-#[cfg(test)]
-mod horizon_oracle;
-#[cfg(test)]
 mod oracle;
-#[cfg(test)]
-mod versions_oracle;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::settings::Settings;
 use crate::gpu::Timing;
 use crate::lightmap::Placement;
-use crate::transport::paths::FluxBalance;
+use crate::transport::FluxBalance;
 
 /// bake.json.
 #[derive(Clone, Debug, Serialize)]

@@ -4,8 +4,8 @@
 use glam::Vec3;
 
 use super::facet::{Facet, extent, facet_lights};
-use super::octree::FluxScale;
 use super::starts::{Linker, Start};
+use super::sums::FluxScale;
 use super::{Shape, VirtualLight};
 use crate::scene::{Aperture, Light};
 use crate::transport::Emission;

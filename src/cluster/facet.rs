@@ -9,8 +9,9 @@ use glam::{Vec2, Vec3};
 use super::polygon::{MAX_VERTICES, Plane, area, centroid, clip, simplify_outwards, vertices};
 use super::similarity::by_direction;
 use super::{Shape, VirtualLight};
-use crate::transport::bvh::offset;
-use crate::transport::emission::{Piece, convex_hull, mean};
+use crate::transport::emission::{convex_hull, mean};
+use crate::transport::intersect::offset;
+use crate::transport::surface::Piece;
 
 /// One side of a convex planar part of an aperture, with constant radiance.
 #[derive(Clone, Debug, PartialEq)]

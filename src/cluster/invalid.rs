@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::cell::{Cell, MAX_LEVEL, Place};
-use super::octree::FluxScale;
+use super::sums::FluxScale;
 use super::{CellId, Clusters};
 use crate::transport::Differences;
 use crate::transport::emission::mean;

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::facet::{Facet, merge};
 use crate::transport::Emission;
-use crate::transport::emission::Piece;
+use crate::transport::surface::Piece;
 
 /// A path's start on a facet.
 #[derive(Clone, Copy, Debug, PartialEq)]

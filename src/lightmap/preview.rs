@@ -178,12 +178,12 @@ fn agx(color: Vec3) -> Vec3 {
 mod tests {
     use std::sync::Arc;
 
-    use glam::{Affine3A, Vec4};
+    use glam::Affine3A;
 
     use super::super::viewpoint::looking;
     use super::*;
     use crate::lightmap::AtlasOptions;
-    use crate::scene::{AlphaMode, Material, Mesh, Object, Primitive};
+    use crate::scene::{Material, Mesh, Object, Primitive};
 
     /// A white square of 2 m in the xy plane that faces +z, and what else `more` adds of it.
     fn scene(more: &[Affine3A]) -> Scene {
@@ -202,16 +202,7 @@ mod tests {
             }],
             ..Mesh::default()
         };
-        let white = Material {
-            name: "white".into(),
-            source: None,
-            base_color: Vec4::ONE,
-            base_color_texture: None,
-            emission: Vec3::ZERO,
-            emission_texture: None,
-            double_sided: false,
-            alpha: AlphaMode::Opaque,
-        };
+        let white = Material::default();
         let object = |transform: &Affine3A| Object {
             name: "square".into(),
             node: 0,

@@ -255,7 +255,7 @@ impl Seen {
 mod tests {
     use std::sync::Arc;
 
-    use glam::{Affine3A, Vec4};
+    use glam::Affine3A;
     use proptest::prelude::*;
 
     use super::super::viewpoint::looking;
@@ -276,14 +276,8 @@ mod tests {
             ..Mesh::default()
         };
         let material = Material {
-            name: String::new(),
-            source: None,
-            base_color: Vec4::ONE,
-            base_color_texture: None,
-            emission: Vec3::ZERO,
-            emission_texture: None,
             double_sided: true,
-            alpha: AlphaMode::Opaque,
+            ..Material::default()
         };
         let object = Object {
             name: String::new(),

@@ -3,8 +3,9 @@
 use glam::{Vec3, Vec3A};
 
 use super::SceneBvh;
-use super::bvh::{offset, weights};
+use super::bvh::weights;
 use super::emission::{Emitter, SpotFalloff, mean};
+use super::intersect::offset;
 use super::sampling::{Sequence, cosine_hemisphere};
 use crate::scene::{Aperture, Scene};
 

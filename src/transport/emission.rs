@@ -5,15 +5,13 @@ use std::f32::consts::{PI, TAU};
 use glam::{Mat3A, Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 
-use super::bvh::{offset, weights};
+use super::intersect::offset;
 use super::sampling::{Distribution, Sequence, around_z, cosine_hemisphere, sphere, triangle};
+use super::surface::{Piece, surface_pieces};
 use crate::scene::{Aperture, Scene};
 
 /// Dimension sets of [`Sequence::sample`] that an emission draws from; bounces draw from the sets after them.
 pub const EMISSION_SETS: u32 = 2;
-
-/// Triangles of a surface light with an emission texture are cut into `TEXTURE_CUTS`² pieces of constant radiance.
-const TEXTURE_CUTS: u32 = 8;
 
 /// A light source made ready to send paths.
 #[derive(Clone, Debug)]
@@ -42,36 +40,6 @@ enum Kind {
         pieces: Vec<Piece>,
         by_flux: Distribution,
     },
-}
-
-/// A part of an emissive triangle with constant radiance.
-#[derive(Clone, Debug)]
-pub struct Piece {
-    /// Triangle of the object's mesh.
-    pub triangle: u32,
-    /// World space, metres, in the mesh's vertex order.
-    pub corners: [Vec3; 3],
-    /// Unit normal of the front.
-    pub normal: Vec3,
-    /// Emitted radiance in cd/m².
-    pub radiance: Vec3,
-    /// Emits from both sides.
-    pub double_sided: bool,
-}
-
-impl Piece {
-    /// m², of one side.
-    pub fn area(&self) -> f32 {
-        (self.corners[1] - self.corners[0])
-            .cross(self.corners[2] - self.corners[0])
-            .length()
-            * 0.5
-    }
-
-    /// Lumens, both sides where both emit: pi L A a side.
-    pub fn flux(&self) -> Vec3 {
-        self.radiance * (PI * self.area() * if self.double_sided { 2.0 } else { 1.0 })
-    }
 }
 
 /// A ray that leaves a light.
@@ -338,184 +306,5 @@ pub fn convex_hull(mut points: Vec<Vec2>) -> Vec<Vec2> {
     hull
 }
 
-/// The emissive triangles of an object, those with an emission texture cut into small ones.
-fn surface_pieces(scene: &Scene, object: u32) -> Vec<Piece> {
-    let instance = &scene.objects[object as usize];
-    let mesh = &scene.meshes[instance.mesh as usize];
-    let mirror = instance.transform.matrix3.determinant().signum();
-    let mut pieces = Vec::new();
-    for primitive in &mesh.primitives {
-        let material = &scene.materials[primitive.material as usize];
-        if material.emission.max_element() <= 0.0 {
-            continue;
-        }
-        let cuts = if material.emission_texture.is_some() {
-            TEXTURE_CUTS
-        } else {
-            1
-        };
-        for t in primitive.triangles.clone() {
-            let world = mesh.triangles[t as usize].map(|v| {
-                instance
-                    .transform
-                    .transform_point3(mesh.positions[v as usize])
-            });
-            let [a, b, c] = world;
-            let normal = (b - a).cross(c - a).normalize_or_zero() * mirror;
-            for corners in cut_triangle(cuts) {
-                let middle = corners
-                    .iter()
-                    .fold(Vec3::ZERO, |sum, &c| sum + weights(c) / 3.0);
-                let piece = Piece {
-                    triangle: t,
-                    corners: corners.map(|[s, t]| a + (b - a) * s + (c - a) * t),
-                    normal,
-                    radiance: scene.emission(object, t, middle),
-                    double_sided: material.double_sided,
-                };
-                if mean(piece.flux()) > 0.0 {
-                    pieces.push(piece);
-                }
-            }
-        }
-    }
-    pieces
-}
-
-/// `n`² equal triangles that fill a triangle: weights of the second and third vertex at each corner.
-fn cut_triangle(n: u32) -> impl Iterator<Item = [[f32; 2]; 3]> {
-    let at = move |i: u32, j: u32| [i as f32 / n as f32, j as f32 / n as f32];
-    (0..n).flat_map(move |i| {
-        (0..n - i).flat_map(move |j| {
-            let up = [at(i, j), at(i + 1, j), at(i, j + 1)];
-            let down = [at(i + 1, j + 1), at(i, j + 1), at(i + 1, j)];
-            std::iter::once(up).chain((i + j + 2 <= n).then_some(down))
-        })
-    })
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::Light;
-    use crate::transport::testing::{add_quads, cornell, light, material, quad, room};
-    use glam::Affine3A;
-
-    fn lit(aperture: Aperture) -> (Scene, Emitter) {
-        let mut scene = room(0.5);
-        let transform = Affine3A::from_rotation_translation(
-            glam::Quat::from_rotation_x(-0.7),
-            Vec3::new(0.1, 0.2, 0.3),
-        );
-        scene
-            .lights
-            .push(light(aperture, Vec3::new(1.0, 2.0, 3.0), transform));
-        let emitter = Emitter::new(&scene, 0);
-        (scene, emitter)
-    }
-
-    #[test]
-    fn spots_send_what_their_falloff_integrates_to() {
-        for (inner, outer) in [
-            (0.0, 0.5),
-            (0.3, 0.31),
-            (0.4, 0.4),
-            (0.0, PI / 2.0),
-            (0.0, 0.001),
-        ] {
-            let falloff = SpotFalloff::new(inner, outer);
-            let n = 200_000;
-            let step = (1.0 - f64::from(outer.cos())) / f64::from(n);
-            let sum: f64 = (0..n)
-                .map(|i| {
-                    f64::from(
-                        falloff.at((f64::from(outer.cos()) + (f64::from(i) + 0.5) * step) as f32),
-                    ) * step
-                })
-                .sum();
-            let exact = sum * std::f64::consts::TAU;
-            assert!(
-                (f64::from(falloff.solid_angle()) / exact - 1.0).abs() < 0.03 || exact < 1e-5,
-                "{inner} {outer} {exact}"
-            );
-            // A sampled cosine's share below a threshold is the integral's.
-            let threshold = falloff.sample(0.5);
-            let above: f64 = (0..n)
-                .map(|i| f64::from(outer.cos()) + (f64::from(i) + 0.5) * step)
-                .filter(|&c| c > f64::from(threshold))
-                .map(|c| f64::from(falloff.at(c as f32)) * step)
-                .sum();
-            assert!(
-                (above / sum - 0.5).abs() < 0.03 || exact < 1e-5,
-                "{inner} {outer}"
-            );
-        }
-    }
-
-    #[test]
-    fn rays_leave_where_they_should() {
-        let sequence = Sequence::new(0, 0);
-        let (_, point) = lit(Aperture::Point);
-        assert!((point.flux - Vec3::new(1.0, 2.0, 3.0) * 4.0 * PI).length() < 1e-4);
-        assert_eq!(point.emit(&sequence, 9).origin, Vec3::new(0.1, 0.2, 0.3));
-        let (scene, spot) = lit(Aperture::Spot {
-            inner: 0.2,
-            outer: 0.4,
-        });
-        let axis = Vec3::from(scene.lights[0].transform.matrix3 * Vec3A::NEG_Z);
-        let (_, sun) = lit(Aperture::Directional);
-        for i in 0..500 {
-            assert!(spot.emit(&sequence, i).direction.dot(axis) > 0.4f32.cos() - 1e-5);
-            let ray = sun.emit(&sequence, i);
-            assert!((ray.direction - axis).length() < 1e-5 && (mean(ray.color) - 1.0).abs() < 1e-5);
-            assert!(ray.origin.dot(axis) < -1.41, "starts outside of the room");
-        }
-        // The room's 2 m cube, widened by its grid of 2/16 a side at most, seen along a direction that tilts in the yz plane.
-        let area = f64::from(mean(sun.flux)) / 2.0;
-        let exact = 4.0 * f64::from(axis.y.abs() + axis.z.abs());
-        assert!(
-            area >= exact - 1e-4 && area <= exact * 1.2,
-            "{area} {exact}"
-        );
-    }
-
-    #[test]
-    fn surfaces_send_pi_l_a_a_side() {
-        let mut scene = cornell();
-        let lamp = Emitter::new(&scene, 0);
-        assert!((lamp.flux.x - PI * 17.0 * 0.25).abs() < 1e-4);
-        assert!(lamp.emit(&Sequence::new(0, 0), 3).direction.y < 0.0);
-        let quad = quad(Vec3::ZERO, Vec3::X, Vec3::Y);
-        let object = add_quads(&mut scene, &[quad], material(Vec3::ONE, Vec3::ONE, true));
-        // A mirrored, stretched object keeps its front's flux.
-        scene.objects[object as usize].transform = Affine3A::from_scale(Vec3::new(-2.0, 1.0, 1.0));
-        let both = Emitter::new(&scene, 1);
-        assert!((both.flux.x - 2.0 * PI * 2.0).abs() < 1e-4);
-        let up = (0..64)
-            .filter(|&i| both.emit(&Sequence::new(0, 1), i).direction.z > 0.0)
-            .count();
-        assert_eq!(up, 32);
-        assert!(both.pieces().iter().all(|p| p.normal.z > 0.99));
-    }
-
-    #[test]
-    fn cut_triangles_fill_the_triangle() {
-        let area: f32 = cut_triangle(5)
-            .map(|[a, b, c]| {
-                let twice = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-                assert!(twice > 0.0);
-                twice
-            })
-            .sum();
-        assert_eq!(cut_triangle(5).count(), 25);
-        assert!((area - 1.0).abs() < 1e-5);
-    }
-
-    #[test]
-    fn a_light_without_a_scene_sends_nothing() {
-        let mut scene = Scene::default();
-        let sun: Light = light(Aperture::Directional, Vec3::ONE, Affine3A::IDENTITY);
-        scene.lights.push(sun);
-        assert_eq!(Emitter::new(&scene, 0).flux, Vec3::ZERO);
-    }
-}
+mod tests;

@@ -4,8 +4,11 @@ pub mod bvh;
 pub mod differences;
 pub mod direct;
 pub mod emission;
+mod flux;
+pub mod intersect;
 pub mod paths;
 pub mod sampling;
+pub mod surface;
 #[cfg(test)]
 pub(crate) mod testing;
 mod touched;
@@ -17,9 +20,8 @@ use glam::Vec3;
 
 pub use bvh::{Hit, SceneBvh};
 pub use differences::{Differences, EmissionChange, LightChange};
-pub use paths::{
-    Emission, Emitters, FluxBalance, LightPaths, Path, PathSet, PathSettings, Tracer, trace,
-};
+pub use flux::FluxBalance;
+pub use paths::{Emission, Emitters, LightPaths, Path, PathSet, PathSettings, Tracer, trace};
 pub use validate::Validator;
 
 /// Which path left a VPL: orders VPLs, and is the same in every scene version.

@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec3A};
 
 use super::Scatter;
-use super::bvh::{reciprocal, slab};
+use super::intersect::{reciprocal, slab};
 use crate::scene::Scene;
 
 /// Fewer triangles than this are not worth a box of their own.

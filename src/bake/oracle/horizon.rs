@@ -3,7 +3,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::oracle::{Numbers, accumulate, gpu, irradiance, random_light, random_texels, soup};
+use super::irradiance::irradiance;
+use super::{Numbers, accumulate, gpu, random_light, random_texels, soup};
 use crate::cluster::{Shape, VirtualLight};
 
 /// Cosines between the face and the directions to all of the emitter, scaled: the least and the largest.

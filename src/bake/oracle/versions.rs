@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Quat, Vec3};
 
-use super::oracle::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels, soup};
-use super::update::{Illumination, Sign};
-use super::versions::Version;
+use super::super::update::{Illumination, Sign};
+use super::super::versions::Version;
+use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels, soup};
 use crate::cluster::VirtualLight;
 use crate::gpu::Gpu;
 use crate::lightmap::Texel;
