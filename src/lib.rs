@@ -1,7 +1,7 @@
 //! `rebake` bakes lightmaps from glTF scenes by many-light global illumination, and updates them when the scene is edited.
 //!
 //! The modules stand in the order of the data's way; dependencies run one way:
-//! `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake`.
+//! `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake` <- `bench`.
 //!
 //! ```text
 //! glTF -> scene -> unwrap -> texels                          what is lit, and where its light is kept
@@ -21,3 +21,5 @@ pub mod transport;
 pub mod cluster;
 
 pub mod bake;
+
+pub mod bench;

@@ -154,6 +154,15 @@ impl AccumulatePass {
         Ok(())
     }
 
+    /// Sets all sums to 0.
+    pub(super) fn clear(&mut self, gpu: &Gpu) -> Result<()> {
+        let mut cmd = gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        cmd.fill(&self.sums, 0, self.sums.size(), 0);
+        cmd.barrier(Stage::All, Stage::All);
+        cmd.submit()?.wait()
+    }
+
     /// Adds a batch whose depth maps `shadow` has drawn. `instances`: the table that says which tiles stand in a light's version.
     pub(super) fn record(
         &mut self,

@@ -273,16 +273,52 @@ impl Baker {
 
     /// Refines no further than this until told otherwise: for bakes that must end in time. [`Baker::is_converged`] then
     /// speaks of this target.
-    pub(super) fn aim(&mut self, target: Option<Budget>) {
+    pub(super) fn aim_at(&mut self, target: Option<Budget>) {
         self.target = target.unwrap_or_else(|| budget(&self.settings));
         self.settled = false;
+    }
+
+    /// How far to refine from now on, whatever the settings said: [`Baker::is_converged`] speaks of this, and so does what
+    /// [`Baker::settings`] records.
+    pub fn aim(&mut self, clusters: Cells) {
+        self.settings.clusters = clusters;
+        self.aim_at(None);
+    }
+
+    /// Begins from an empty map of the scene as it is, as a fresh bake would; paths and clusters stay, since they would come
+    /// out the same.
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn start_over(&mut self) -> Result<(), GpuError> {
+        self.illumination.clear()?;
+        self.held.clear();
+        self.ledger = Ledger::new(&self.clusters);
+        self.plan = Plan::default();
+        self.settled = false;
+        Ok(())
+    }
+
+    /// The most lights that are sent to the device at once, 1 to 32; none: as many as are fast. The map's bits do not depend
+    /// on it.
+    pub fn set_batch(&mut self, lights: Option<u32>) {
+        self.illumination.limit_batch(lights);
+    }
+
+    /// Waits until all that was sent is in the map.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn finish(&mut self) -> Result<(), GpuError> {
+        self.illumination.flush()
     }
 
     pub(super) fn target(&self) -> Budget {
         self.target
     }
 
-    pub(super) fn gpu(&self) -> &Gpu {
+    /// The device it works on.
+    pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 

@@ -136,7 +136,7 @@ fn fill_in_time(
     loop {
         let size = sizes.pop();
         let started = Instant::now();
-        baker.aim(size.map(Budget::Cells));
+        baker.aim_at(size.map(Budget::Cells));
         let lights = baker.lights_left();
         if sent > 0 {
             let expected = spent.mul_f64(lights as f64 / sent as f64);

@@ -281,8 +281,8 @@ impl Baker {
         Ok(())
     }
 
-    /// Evaluations of lights that the plan still needs.
-    pub(super) fn lights_left(&mut self) -> u64 {
+    /// Evaluations of lights that the map still needs, all paths validated.
+    pub fn lights_left(&mut self) -> u64 {
         self.settle(None);
         self.plan.lights()
     }

@@ -63,6 +63,8 @@ pub struct Illumination {
     in_flight: VecDeque<Flight>,
     /// Lights per submission, so that it stays below [`SUBMISSION`].
     batch: usize,
+    /// The most that somebody wants.
+    batch_limit: Option<u32>,
     /// Sent so far, indirect and direct ones.
     lights: [u64; 2],
     pairs: BTreeMap<&'static str, u64>,
@@ -111,9 +113,20 @@ impl Illumination {
             } else {
                 FIRST_BATCH
             },
+            batch_limit: None,
             lights: [0; 2],
             pairs: BTreeMap::new(),
         })
+    }
+
+    /// Takes all light away at once.
+    pub(super) fn clear(&mut self) -> Result<()> {
+        self.flush()?;
+        self.accumulate.clear(&self.gpu)
+    }
+
+    pub(super) fn limit_batch(&mut self, lights: Option<u32>) {
+        self.batch_limit = lights;
     }
 
     /// The version that lights are added under.
@@ -235,7 +248,10 @@ impl Illumination {
         let queue = usize::from(new.light.direct);
         let pending = &self.pending[queue];
         let fits = pending.is_empty()
-            || pending.len() < self.batch
+            || pending.len()
+                < self
+                    .batch
+                    .min(self.batch_limit.map_or(usize::MAX, |n| n.max(1) as usize))
                 && self.elements(pending.iter().map(|p| &p.light)) + self.elements([&new.light])
                     <= self.shadow.elements();
         if !fits {

@@ -1,21 +1,15 @@
-//! Runs the real binary, as a user or a build farm would.
+//! Bakes with the real binary, as a user or a build farm would.
+
+#[path = "call.rs"]
+mod call;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use rebake::gpu::{Gpu, GpuError, GpuOptions};
 use serde_json::Value;
 
-/// Runs `rebake` with arguments that are separated by blanks; paths come after them.
-pub fn rebake(arguments: &str, paths: &[&Path]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_rebake"))
-        .args(arguments.split_whitespace())
-        .args(paths)
-        .env_remove("RUST_LOG")
-        .output()
-        .expect("the binary starts")
-}
+pub use call::{rebake, said};
 
 /// Writes a built-in scene into a folder.
 pub fn builtin(name: &str, folder: &Path) -> PathBuf {
@@ -44,11 +38,6 @@ pub fn bake(scene: &Path, out: &str, options: &str) -> (PathBuf, Value) {
     let report = std::fs::read(out.join("bake.json")).expect("bake.json");
     let report = serde_json::from_slice(&report).expect("bake.json is JSON");
     (out, report)
-}
-
-/// What a run wrote to stderr.
-pub fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Whether the validation layer is installed.

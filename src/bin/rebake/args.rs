@@ -39,6 +39,8 @@ pub enum Command {
     Bake(Box<Bake>),
     /// Bake a scene, play a script of edits, and write the bake of the edited scene
     Replay(Box<Replay>),
+    /// Measure bakes, sweeps and edits: tables, JSON, and ratios to earlier figures
+    Bench(Box<crate::bench::Bench>),
     /// Compare two lightmaps or two bakes
     Compare(Compare),
     /// List the Vulkan devices and what each lacks
@@ -180,7 +182,7 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// 1000, 256k, 1.5M or 512x512.
-fn count(text: &str) -> Result<u64, String> {
+pub fn count(text: &str) -> Result<u64, String> {
     let bad = || "write a whole number like 1000000, 256k, 1M or 512x512".to_owned();
     if let Some((a, b)) = text.split_once('x') {
         let product = count(a)?.checked_mul(count(b)?);

@@ -93,6 +93,17 @@ impl Console {
     }
 }
 
+impl Console {
+    /// A line on stderr of what is done next; nothing with `-q`.
+    pub fn note(&self, text: &str) {
+        match self.mode {
+            Mode::Quiet => {}
+            Mode::Json => eprintln!("{}", json!({ "now": text })),
+            Mode::Plain | Mode::Bars => eprintln!("{text}"),
+        }
+    }
+}
+
 impl Listener for Console {
     fn at(&self, stage: Stage, done: u64, total: u64) {
         if !matches!(self.mode, Mode::Bars) {

@@ -2,6 +2,7 @@
 
 mod args;
 mod bake;
+mod bench;
 mod compare;
 mod console;
 mod devices;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     let result = match &args.command {
         Command::Bake(command) => bake::run(&args, command, start),
         Command::Replay(command) => replay::run(&args, command, start),
+        Command::Bench(command) => bench::run(&args, command),
         Command::Compare(command) => compare::run(&args, command),
         Command::Devices => devices::run(&args),
         Command::Scene(command) => scene::run(&args, command),

@@ -103,7 +103,7 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
 
 /// The script's commands with their line numbers; empty lines are none. With `keep_going` lines that are no command are
 /// left out, with a warning.
-fn read(path: &Path, keep_going: bool) -> anyhow::Result<Vec<(usize, Command)>> {
+pub fn read(path: &Path, keep_going: bool) -> anyhow::Result<Vec<(usize, Command)>> {
     let text =
         std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
     let mut script = Vec::new();

@@ -13,7 +13,9 @@ mod town;
 mod turning;
 mod warehouse;
 
-use super::{Document, SceneError};
+use std::path::Path;
+
+use super::{Document, Scene, SceneError};
 
 /// The names that [`builtin`] knows.
 pub const NAMES: [&str; 6] = [
@@ -55,5 +57,19 @@ pub fn builtin(name: &str) -> Result<Document, SceneError> {
             name: super::error::one_line(name),
             known: NAMES.to_vec(),
         }),
+    }
+}
+
+/// A scene by the name of a built-in one, or else by its file's path.
+///
+/// # Errors
+/// As [`Scene::load`]; a name that is neither.
+pub fn open(name: &str) -> Result<(Scene, Document), SceneError> {
+    let path = Path::new(name);
+    match builtin(name) {
+        Ok(document) => Ok((Scene::from_document(&document)?, document)),
+        // What looks like a file is one that is missing.
+        Err(error) if path.extension().is_none() && !path.exists() => Err(error),
+        Err(_) => Scene::load(path),
     }
 }

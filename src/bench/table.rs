@@ -1,0 +1,100 @@
+//! Whole bakes: what IBGI's table 1 and VPL13's table of pre-processing say of a scene, and where the time went.
+
+use std::collections::BTreeMap;
+
+use super::figure::{Better, Figure};
+use super::{Bench, BenchError};
+use crate::bake::{Report, Silent, bake};
+use crate::gpu::{Gpu, Timing};
+
+/// What one bake took.
+struct Run {
+    report: Report,
+    /// Device milliseconds by pass, of this bake alone.
+    passes: BTreeMap<&'static str, f64>,
+}
+
+impl Bench<'_> {
+    pub(super) fn table(&mut self) -> Result<(), BenchError> {
+        let runs = self.repeat("bake", || {
+            let before = self.gpu.timings();
+            let (scene, document) = (self.scene.clone(), self.document.clone());
+            let baked = bake(self.gpu, scene, document, &self.plan.job, &Silent)?;
+            Ok(Run {
+                report: baked.report,
+                passes: since(self.gpu, &before),
+            })
+        })?;
+        let figures = &mut self.out.figures;
+        let last = &runs.last().expect("at least one run").report;
+        let counts = &last.counts;
+        let lights: u64 = counts.virtual_lights.values().sum();
+        for (name, count) in [
+            ("triangles", counts.triangles),
+            ("lights", counts.lights),
+            ("texels", counts.texels),
+            ("paths", counts.paths),
+            ("VPLs", counts.vpls),
+            ("clusters", counts.clusters),
+            ("virtual lights", lights),
+            ("T_uv", counts.t_uv),
+            ("P_uv", counts.p_uv),
+        ] {
+            figures.push(Figure::count(name, count as f64));
+        }
+        let mut of = |name: &str, unit: &str, better, value: &dyn Fn(&Run) -> f64| {
+            figures.push(Figure::new(name, unit, better, runs.iter().map(value)));
+        };
+        of("bake", "s", Better::Lower, &|r| r.report.total_seconds);
+        of("virtual light", "ms", Better::Lower, &|r| {
+            1e3 * stage(&r.report, "accumulate") / r.report.counts.accumulated.max(1) as f64
+        });
+        of("virtual light, device", "ms", Better::Lower, &|r| {
+            r.passes.values().sum::<f64>() / r.report.counts.accumulated.max(1) as f64
+        });
+        for name in last.seconds.keys() {
+            let unit = format!("stage: {name}");
+            of(&unit, "s", Better::Lower, &|r| stage(&r.report, name));
+        }
+        for name in runs[0].passes.keys() {
+            of(&format!("pass: {name}"), "ms", Better::Lower, &|r| {
+                r.passes.get(name).copied().unwrap_or_default()
+            });
+        }
+        for name in counts.pairs.keys() {
+            of(
+                &format!("rate: {name}"),
+                "M pairs/s",
+                Better::Higher,
+                &|r| {
+                    let pairs = r.report.counts.pairs.get(name).copied().unwrap_or(0);
+                    let ms = r.passes.get(name).copied().unwrap_or(f64::NAN);
+                    pairs as f64 / ms / 1e3
+                },
+            );
+        }
+        of("device memory", "MiB", Better::Lower, &|r| {
+            r.report.memory.device_peak as f64 / f64::from(1 << 20)
+        });
+        if last.memory.host_peak.is_some() {
+            of("host memory", "MiB", Better::Lower, &|r| {
+                r.report.memory.host_peak.unwrap_or(0) as f64 / f64::from(1 << 20)
+            });
+        }
+        Ok(())
+    }
+}
+
+fn stage(report: &Report, name: &str) -> f64 {
+    report.seconds.get(name).copied().unwrap_or_default()
+}
+
+/// Device milliseconds by pass since `before` was taken.
+pub(super) fn since(gpu: &Gpu, before: &[Timing]) -> BTreeMap<&'static str, f64> {
+    let earlier = |name| before.iter().find(|t| t.name == name).map_or(0.0, |t| t.ms);
+    gpu.timings()
+        .iter()
+        .map(|t| (t.name, t.ms - earlier(t.name)))
+        .filter(|(_, ms)| *ms > 0.0)
+        .collect()
+}

@@ -1,0 +1,142 @@
+//! What `rebake bench` prints of the figures.
+
+use rebake::bench::{Better, Comparison, Figure, SceneFigures, Series};
+
+use super::grid::{Grid, number};
+
+/// A scene's tables.
+pub fn of_scene(scene: &SceneFigures) -> Vec<String> {
+    let mut tables = Vec::new();
+    let timed = || {
+        scene
+            .figures
+            .iter()
+            .filter(|f| f.runs > 1 || !f.unit.is_empty())
+    };
+    if timed().next().is_some() {
+        let heads = ["", "median", "least", "largest", ""].map(str::to_owned);
+        let mut grid = Grid::new(scene.scene.clone(), heads);
+        for f in timed() {
+            let [median, min, max] = [f.median, f.min, f.max].map(number);
+            grid.row([f.name.clone(), median, min, max, f.unit.clone()]);
+        }
+        tables.push(grid.to_string());
+    }
+    // The curves of edits are for plots: the figures say what people ask of them.
+    let sweeps = scene.series.iter().filter(|s| s.over != "s");
+    tables.extend(sweeps.map(|series| of_series(&scene.scene, series)));
+    tables.extend(
+        scene
+            .missing
+            .iter()
+            .map(|m| format!("{}: {m}", scene.scene)),
+    );
+    tables
+}
+
+fn of_series(scene: &str, series: &Series) -> String {
+    let figures = series.points.first().map_or(&[][..], |p| &p.figures);
+    let heads = figures.iter().map(|f| match f.unit.as_str() {
+        "" => f.name.clone(),
+        unit => format!("{} [{unit}]", f.name),
+    });
+    let title = format!("{scene}: {}", series.name);
+    let mut grid = Grid::new(title, std::iter::once(series.over.clone()).chain(heads));
+    for point in &series.points {
+        let cells = point.figures.iter().map(spread);
+        grid.row(std::iter::once(number(point.at)).chain(cells));
+    }
+    grid.to_string()
+}
+
+fn spread(f: &Figure) -> String {
+    match f.better {
+        Better::Neither => number(f.median),
+        _ => format!(
+            "{} ({} to {})",
+            number(f.median),
+            number(f.min),
+            number(f.max)
+        ),
+    }
+}
+
+/// IBGI's table 1 and VPL13's table of pre-processing, over all scenes.
+pub fn overview(scenes: &[SceneFigures]) -> String {
+    let heads = [
+        "",
+        "triangles",
+        "lights",
+        "texels",
+        "VL [ms]",
+        "paths / bounces",
+        "clusters",
+        "VLs",
+        "update size",
+        "updates/s",
+        "#T_uv",
+        "#P_uv",
+        "time [s]",
+    ];
+    let title =
+        "scene characteristics and update performance (IBGI table 1), pre-processing (VPL13)";
+    let mut grid = Grid::new(title, heads.map(str::to_owned));
+    for scene in scenes {
+        let find = |name: &str| scene.figures.iter().find(|f| f.name == name);
+        let of = |name: &str| find(name).map_or_else(|| "-".into(), |f| number(f.median));
+        // Over all scenarios.
+        let mean = |name: &str| {
+            let all: Vec<f64> = scene
+                .figures
+                .iter()
+                .filter(|f| f.name.ends_with(&format!(": {name}")))
+                .map(|f| f.median)
+                .collect();
+            match all.len() {
+                0 => "-".into(),
+                n => number(all.iter().sum::<f64>() / n as f64),
+            }
+        };
+        let paths = match (find("paths"), find("VPLs")) {
+            (Some(paths), Some(vpls)) => format!(
+                "{} / {:.1}",
+                number(paths.median),
+                vpls.median / paths.median.max(1.0)
+            ),
+            _ => "-".into(),
+        };
+        grid.row([
+            scene.scene.clone(),
+            of("triangles"),
+            of("lights"),
+            of("texels"),
+            of("virtual light"),
+            paths,
+            of("clusters"),
+            of("virtual lights"),
+            mean("update size"),
+            mean("updates"),
+            of("T_uv"),
+            of("P_uv"),
+            of("stage: texels"),
+        ]);
+    }
+    grid.to_string()
+}
+
+/// Ratios to an earlier run.
+pub fn comparison(rows: &[Comparison]) -> String {
+    let heads = ["", "before", "now", "", "times as good"].map(str::to_owned);
+    let mut grid = Grid::new("compared with the earlier run", heads);
+    for row in rows {
+        let gain = format!("{:.2}", row.gain);
+        grid.row([
+            row.name.clone(),
+            number(row.old),
+            number(row.new),
+            row.unit.clone(),
+            gain,
+        ]);
+    }
+    grid.to_string()
+}
