@@ -91,12 +91,14 @@ void main() {
     uvec2 entry = list.at[list_index()];
     uint first = gl_LocalInvocationIndex;
     vec3 positions[TEXELS], normals[TEXELS], faces[TEXELS];
+    Clearance clearances[TEXELS];
     ivec3 high[TEXELS], low[TEXELS];
     [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
         uint slot = entry.x * TILE + first + k * gl_WorkGroupSize.x;
         positions[k] = receivers.at[slot].position;
         normals[k] = receivers.at[slot].normal;
         faces[k] = receivers.at[slot].face;
+        clearances[k] = receivers.at[slot].clearance;
         high[k] = low[k] = ivec3(0);
     }
     uint mask = entry.y;
@@ -121,9 +123,9 @@ void main() {
                 view.z = behind ? back.z : view.z;
                 view.offset = behind ? back.offset : view.offset;
             }
-            if (FORM == FORM_DIRECTIONAL) value *= parallel_visibility(depth, view, p, f, bias);
-            else if (SOFT) value *= soft_visibility(depth, view, p, f, light.radius, bias);
-            else value *= visibility(depth, view, p, f, bias);
+            if (FORM == FORM_DIRECTIONAL) value *= parallel_visibility(depth, view, p, f, clearances[k], bias);
+            else if (SOFT) value *= soft_visibility(depth, view, p, f, clearances[k], light.radius, bias);
+            else value *= visibility(depth, view, p, f, clearances[k], bias);
             // Subtracting is adding the negative: rounding is symmetric.
             vec3 units = clamp(round(light.flux * value), -MOST, MOST) * float(light.sign);
             vec3 upper = floor(units / HALF);

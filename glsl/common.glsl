@@ -17,11 +17,20 @@ struct Texel {
     uint pixel;
 };
 
+// What stands near a texel, world space: see Clearance in src/lightmap/mod.rs.
+struct Clearance {
+    vec3 push;
+    float near;
+    float rate;
+    float room;
+};
+
 // World-space receiver.
 struct Receiver {
     vec3 position;
     vec3 normal; // of shading
     vec3 face;   // of the surface's front: what shades it, and what shades no part of it, follow this one
+    Clearance clearance;
 };
 
 // Where a tile's receivers are and where they face.
@@ -103,6 +112,7 @@ struct Light {
 };
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Texels { Texel at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Clearances { Clearance at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Receivers { Receiver at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Tiles { Tile at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Instances { Instance at[]; };

@@ -15,6 +15,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Pla
 
 layout(push_constant, scalar) uniform Push {
     Texels texels;
+    Clearances clearances;
     Placements placements;
     Receivers receivers;
     Tiles tiles;
@@ -51,6 +52,7 @@ void main() {
     receivers.at[slot].position = position;
     receivers.at[slot].normal = normal;
     receivers.at[slot].face = face;
+    receivers.at[slot].clearance = clearances.at[sums * TILE + lane];
     positions[lane] = position;
     normals[lane] = normal;
     barrier();

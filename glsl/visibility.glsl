@@ -9,7 +9,7 @@ const vec2 INDIRECT_LIFT = vec2(0.1, 0.5);
 // How much nearer than the receiver's plane (through `local`, with normal `n`, both in the view's axes) the nearest thing
 // is along the ray of the pixel that `direction` falls into: above 1 it hides the receiver. Measuring at the pixel's own
 // centre keeps a plane from shading itself at any angle.
-float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, vec3 n) {
+float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, vec3 n, float reach) {
     vec3 a = abs(direction);
     bool top = direction.z >= max(a.x, a.y);
     bool along_x = a.x >= a.y;
@@ -33,17 +33,31 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
     float plane = dot(n, local);
     float along = dot(n, ray);
     // What is no nearer than the receiver hides nothing of it, wherever the ray meets its plane, if at all.
-    float reach = length(local) * inversesqrt(dot(ray, ray));
-    return stored * (along < 0.0 ? min(plane / along, reach) : reach);
+    float far = inversesqrt(dot(ray, ray));
+    return stored * (along < 0.0 ? min(plane / along, reach * far) : length(local) * far);
 }
 
-// Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there.
-vec3 lifted(View view, vec3 p, vec3 n, vec2 lift) {
+// As far away from what stands beside a receiver it is looked up: pixels' half widths, so that no pixel that the lookup
+// falls into sees that instead.
+const float CLEAR = 1.5;
+// What is nearer above a receiver than this, in the same measure, covers it.
+const float COVER = 8.0;
+
+// Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there, but
+// no further than half the way to what covers it, and away from what stands beside it.
+vec3 lifted(View view, vec3 p, vec3 n, Clearance clearance, vec2 lift) {
     vec3 d = p - view.origin;
     float distance = length(d);
     float cosine = dot(d, n) / max(distance, 1e-20);
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    return d + n * (distance * (lift.x + lift.y * sine) / float(view.size));
+    float pixel = distance / float(view.size);
+    return d + n * min(pixel * (lift.x + lift.y * sine), 0.5 * clearance.room)
+             + clearance.push * clamp((CLEAR * pixel - clearance.near) * clearance.rate, 0.0, 1.0);
+}
+
+// Relative slack of depth comparisons: no more than half of what is left between the lookup and what covers the receiver.
+float slack(float bias, Clearance clearance, vec3 d) {
+    return min(bias, 0.25 * clearance.room * inversesqrt(max(dot(d, d), 1e-30)));
 }
 
 vec3 to_local(View view, vec3 d) {
@@ -55,9 +69,18 @@ vec3 to_direction(vec3 local) {
     return vec3(local.xy, max(local.z, 1e-9));
 }
 
-float visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
-    vec3 local = to_local(view, lifted(view, p, n, INDIRECT_LIFT));
-    float near = nearness(depth, view.offset, view.size, to_direction(local), local, to_local(view, n));
+// How far away at most the nearest thing along a lookup's ray may be to hide the receiver. What covers the receiver so
+// closely that pixels' rays meet it at other distances hides it wherever they do.
+float limit_of(View view, Clearance clearance, vec3 d) {
+    float distance = length(d);
+    return clearance.room < COVER * distance / float(view.size) ? 1e30 : distance;
+}
+
+float visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float bias) {
+    vec3 d = lifted(view, p, n, clearance, INDIRECT_LIFT);
+    bias = slack(bias, clearance, d);
+    vec3 local = to_local(view, d);
+    float near = nearness(depth, view.offset, view.size, to_direction(local), local, to_local(view, n), limit_of(view, clearance, d));
     return near > 1.0 + bias ? 0.0 : 1.0;
 }
 
@@ -73,15 +96,17 @@ const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2
 // receiver's plane, not with the receiver; and what a tap at distance L from the receiver's own ray finds can only cut a
 // ray to the emitter if radius (nearness - 1) >= L, by similar triangles: a wall beside the receiver does not. Where the
 // receiver's own ray is cut, whatever a tap finds counts: a nearer blocker may hide from the map what cuts that ray too.
-float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, float bias) {
+float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float radius, float bias) {
     uint offset = view.offset;
     uint size = view.size;
-    vec3 d = lifted(view, p, n, DIRECT_LIFT);
+    vec3 d = lifted(view, p, n, clearance, DIRECT_LIFT);
+    bias = slack(bias, clearance, d);
     float distance = length(d);
     vec3 t = normalize(abs(d.x) > abs(d.z) ? vec3(-d.y, d.x, 0.0) : vec3(0.0, -d.z, d.y));
     vec3 b = cross(d, t) / max(distance, 1e-20);
     vec3 local = to_local(view, d);
     vec3 local_n = to_local(view, n);
+    float limit = limit_of(view, clearance, d);
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 
@@ -89,7 +114,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, floa
     bool cut = false;
     for (uint i = 0; i < SEARCH_TAPS; ++i) {
         vec3 e = to_local(view, d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach);
-        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
+        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, limit), 8.0);
         bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(SEARCH[i]) * reach - pixel);
         cut = cut || i == 0 && blocks;
         blockers += blocks ? 1.0 : 0.0;
@@ -101,7 +126,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, floa
     float lit = 0.0;
     for (uint i = 0; i < FILTER_TAPS; ++i) {
         vec3 e = to_local(view, d + (t * FILTER[i].x + b * FILTER[i].y) * width);
-        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n), 8.0);
+        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, limit), 8.0);
         bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(FILTER[i]) * width - pixel);
         lit += blocks ? 0.0 : 1.0 / float(FILTER_TAPS);
     }
@@ -110,20 +135,22 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, float radius, floa
 
 // Orthographic map, four comparisons weighted bilinearly, each at its pixel's centre with the receiver's plane there or,
 // where that is further from the light, with the receiver. Outside of the map everything is lit.
-float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
+float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float bias) {
     uint size = view.size;
     float half_size = 0.5 * float(size);
     float pixel = 1.0 / (half_size * length(view.x));
     float scale = inversesqrt(dot(view.z, view.z));
     float cosine = dot(n, view.z) * scale;
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    vec3 d = p - view.origin + n * (pixel * (DIRECT_LIFT.x + DIRECT_LIFT.y * sine));
+    vec3 d = p - view.origin + n * min(pixel * (DIRECT_LIFT.x + DIRECT_LIFT.y * sine), 0.5 * clearance.room)
+           + clearance.push * clamp((CLEAR * 0.5 * pixel - clearance.near) * clearance.rate, 0.0, 1.0);
     vec2 at = vec2(dot(view.x, d), dot(view.y, d));
     float value = dot(view.z, d);
     // How the plane's value changes across the map: it is linear.
     vec2 slope = -vec2(dot(n, view.x) / dot(view.x, view.x), dot(n, view.y) / dot(view.y, view.y)) / (max(cosine, 1e-3) * scale);
     vec2 corner = floor((at + 1.0) * half_size - 0.5);
     vec2 weight = (at + 1.0) * half_size - 0.5 - corner;
+    bool covered = clearance.room < COVER * 0.5 * pixel;
     float lit = 0.0;
     for (uint i = 0; i < 4; ++i) {
         vec2 step = vec2(float(i & 1), float(i >> 1));
@@ -133,7 +160,7 @@ float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, float bias) {
         float stored = inside ? uintBitsToFloat(depth.at[view.offset + index]) : 0.0;
         float plane = value + dot(slope, (pixel_at + 0.5) / half_size - 1.0 - at);
         vec2 w = mix(1.0 - weight, weight, step);
-        lit += stored > max(plane, value) + bias ? 0.0 : w.x * w.y;
+        lit += stored > (covered ? plane : max(plane, value)) + bias ? 0.0 : w.x * w.y;
     }
     return lit;
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::accumulate::Evaluation;
+use super::clearance;
 use super::enclosed::enclosed;
 use super::journal::Journal;
 use super::progress::{Stage, Stages};
@@ -139,7 +140,9 @@ impl Baker {
             })?;
             let (claims, texels) = stages.time(Stage::Texels, || -> Result<_, BakeError> {
                 let claims = uv_raster::rasterize(gpu, &atlas)?;
-                let texels = Texels::build(&scene, &atlas, &claims);
+                let mut texels = Texels::build(&scene, &atlas, &claims);
+                let reach = clearance::reach(atlas.density);
+                texels.clearances = clearance::find(&scene, &bvh, &texels.list, reach);
                 Ok((claims, texels))
             })?;
             Ok((atlas, claims, texels))

@@ -2,6 +2,7 @@
 
 mod accumulate;
 mod baker;
+mod clearance;
 mod cutout;
 mod enclosed;
 mod journal;

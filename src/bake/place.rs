@@ -10,7 +10,7 @@ use super::records::{Placement, Receiver, Tile};
 use super::shaders;
 use super::shared::{NONE, TILE};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
-use crate::lightmap::Texel;
+use crate::lightmap::{Clearance, Texel};
 use crate::lightmap::texels::Texels;
 use crate::scene::Scene;
 
@@ -19,6 +19,7 @@ pub struct Receivers {
     pub(super) receivers: Buffer,
     pub(super) tiles: Buffer,
     texels: Buffer,
+    clearances: Buffer,
     placements: Buffer,
     pipeline: Pipeline,
     pool: Pool,
@@ -32,6 +33,7 @@ pub struct Receivers {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Push {
     texels: Address,
+    clearances: Address,
     placements: Address,
     receivers: Address,
     tiles: Address,
@@ -52,6 +54,8 @@ impl Receivers {
             .iter()
             .map(|o| placement(&o.transform))
             .collect();
+        let mut clearances = texels.clearances.clone();
+        clearances.resize(texels.list.len(), Clearance::OPEN);
         let (receiver, tile) = (size_of::<Receiver>() as u64, size_of::<Tile>() as u64);
         let mut pool = Pool::default();
         pool.take(tiles);
@@ -68,6 +72,7 @@ impl Receivers {
             )?,
             tiles: gpu.buffer("tiles", u64::from(tiles) * tile, Memory::Device)?,
             texels: gpu.buffer_with("texels", &texels.list)?,
+            clearances: gpu.buffer_with("clearances", &clearances)?,
             placements: gpu.buffer_with("placements", &placements)?,
             pipeline: gpu.pipeline(shaders::PLACE, &[])?,
             pool,
@@ -159,6 +164,7 @@ impl Receivers {
             for done in (0..texels.len() as u32).step_by(STRIDE as usize) {
                 let push = Push {
                     texels: self.texels.address(),
+                    clearances: self.clearances.address(),
                     placements: self.placements.address(),
                     receivers: self.receivers.address(),
                     tiles: self.tiles.address(),

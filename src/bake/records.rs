@@ -5,6 +5,7 @@ use glam::Vec3;
 
 use super::shared::*;
 use super::versions::Version;
+use crate::lightmap::Clearance;
 use crate::cluster::{Shape, VirtualLight};
 use crate::scene::Bounds;
 
@@ -15,6 +16,7 @@ pub(super) struct Receiver {
     pub position: [f32; 3],
     pub normal: [f32; 3],
     pub face: [f32; 3],
+    pub clearance: Clearance,
 }
 
 /// `Tile`.

@@ -122,6 +122,36 @@ impl Texel {
     pub const TILE: usize = 64;
 }
 
+/// What stands near a texel: shadows are looked up where nothing that is near can be mistaken for what shades it. World
+/// space. Shared with the shaders.
+///
+/// A depth map's pixel stands for all that it covers. A wall that a texel touches covers pixels that the texel is looked up
+/// in, and a panel that lies on the texel's surface is, for most pixels, as far away as the surface. So lookups keep as
+/// far from what is near as a pixel is wide there: along `push`, which leads away from it, and along the surface's normal
+/// only into the room that there is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Clearance {
+    /// Away from what is near: the whole way that a lookup may go, metres.
+    pub push: [f32; 3],
+    /// Distance of what is nearest, along the surface, metres.
+    pub near: f32,
+    /// One over the length of `push`; 0 where that is 0.
+    pub rate: f32,
+    /// Free distance along the face's normal, metres; [`Clearance::OPEN`]'s where nothing is near.
+    pub room: f32,
+}
+
+impl Clearance {
+    /// Nothing is near.
+    pub const OPEN: Self = Self {
+        push: [0.0; 3],
+        near: 0.0,
+        rate: 0.0,
+        room: 1e30,
+    };
+}
+
 /// A finished map: irradiance in lux, linear RGB (Rec. 709 primaries), of each surface's front side.
 #[derive(Clone, Debug)]
 pub struct Lightmap {

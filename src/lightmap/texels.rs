@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::{Atlas, ObjectAtlas, Texel};
+use super::{Atlas, Clearance, ObjectAtlas, Texel};
 use crate::scene::{Mesh, Scene};
 
 /// How far inside its triangle a texel's point lies at least, in texels (less in triangles too small for that), so that
@@ -62,6 +62,8 @@ pub struct Texels {
     pub tiles: Vec<Range<u32>>,
     /// Entries that are no fillers.
     pub count: u32,
+    /// What stands near each entry of the list, as far as that was looked for: nothing near those beyond the end.
+    pub clearances: Vec<Clearance>,
 }
 
 /// A claimed texel on its way into the list.

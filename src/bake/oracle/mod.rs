@@ -157,6 +157,7 @@ pub(super) fn accumulate(
         list: texels.to_vec(),
         tiles: std::iter::once(0..(texels.len() / Texel::TILE) as u32).collect(),
         count: texels.len() as u32,
+        clearances: Vec::new(),
     };
     let receivers = Receivers::new(gpu, scene, &[true], &texels).expect("place");
     let mut shadow = ShadowPass::new(gpu, 16 << 20).expect("buffers");
