@@ -43,7 +43,16 @@ struct Tile {
     uint instance;
 };
 
-// An object in one place, and the versions of the scene in which it stands there.
+// A tile whose surroundings changed: from now on other receivers take part in its sums.
+struct Replaced {
+    uint tile;     // of texels, and of sums
+    uint old;      // tile of receivers that ends,
+    uint ended;    // and the instance that it belongs to now
+    uint new;      // tile of receivers that begins,
+    uint instance; // and its instance
+};
+
+// An object in one place, or some tiles of it, and the versions of the scene in which it stands there.
 struct Instance {
     uint since;
     uint until;  // the first version without it
@@ -115,6 +124,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Tex
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Clearances { Clearance at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Receivers { Receiver at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Tiles { Tile at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ReplacedTiles { Replaced at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Instances { Instance at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Regions { Region at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Triangles { Triangle at[]; };

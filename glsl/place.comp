@@ -22,6 +22,8 @@ layout(push_constant, scalar) uniform Push {
     uint first_texels;   // tile of texels, and of sums
     uint first_receivers; // tile of receivers
     uint instance;       // NONE: the objects' first ones, of the same index
+    uint replacing;      // not 0: the tiles are those of the list instead
+    ReplacedTiles replaced;
 };
 
 shared vec3 positions[TILE];
@@ -31,9 +33,17 @@ void main() {
     uint sums = first_texels + gl_WorkGroupID.x;
     uint tile = first_receivers + gl_WorkGroupID.x;
     uint lane = gl_LocalInvocationIndex;
+    uint whose = instance;
+    if (replacing != 0) {
+        Replaced entry = replaced.at[gl_WorkGroupID.x];
+        sums = entry.tile;
+        tile = entry.new;
+        whose = entry.instance;
+        if (lane == 0) tiles.at[entry.old].instance = entry.ended;
+    }
     uint slot = tile * TILE + lane;
     Texel texel = texels.at[sums * TILE + lane];
-    uint place = instance == NONE ? texel.object : instance;
+    uint place = whose == NONE ? texel.object : whose;
     vec4 p = vec4(texel.position, 1.0);
     vec3 n = texel.normal;
     vec3 f = texel.face;

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::accumulate::Evaluation;
-use super::clearance;
+use super::clearance::Clearances;
 use super::enclosed::enclosed;
 use super::journal::Journal;
 use super::progress::{Stage, Stages};
@@ -65,6 +65,7 @@ pub struct Baker {
     pub(super) settings: Settings,
     pub(super) atlas: Atlas,
     pub(super) texels: Texels,
+    clearances: Clearances,
     pub(super) claims: ClaimStatistics,
     pub(super) bvh: SceneBvh,
     pub(super) validator: Validator,
@@ -138,17 +139,17 @@ impl Baker {
                 }
                 None => Atlas::build_lit(&scene, &job.atlas, Some(&probe)),
             })?;
-            let (claims, texels) = stages.time(Stage::Texels, || -> Result<_, BakeError> {
-                let claims = uv_raster::rasterize(gpu, &atlas)?;
-                let mut texels = Texels::build(&scene, &atlas, &claims);
-                let reach = clearance::reach(atlas.density);
-                texels.clearances = clearance::find(&scene, &bvh, &texels.list, reach);
-                Ok((claims, texels))
-            })?;
-            Ok((atlas, claims, texels))
+            let (claims, texels, clearances) =
+                stages.time(Stage::Texels, || -> Result<_, BakeError> {
+                    let claims = uv_raster::rasterize(gpu, &atlas)?;
+                    let mut texels = Texels::build(&scene, &atlas, &claims);
+                    let clearances = Clearances::new(&scene, &bvh, &mut texels, atlas.density);
+                    Ok((claims, texels, clearances))
+                })?;
+            Ok((atlas, claims, texels, clearances))
         };
         let ((settings, validator, clusters), surface) = rayon::join(light, surface);
-        let (atlas, claims, texels) = surface?;
+        let (atlas, claims, texels, clearances) = surface?;
         drop(probe);
         let illumination = stages.time(Stage::Upload, || {
             empty_map(gpu, &scene, &texels, &settings, atlas.density)
@@ -161,6 +162,7 @@ impl Baker {
             settings,
             atlas,
             texels,
+            clearances,
             claims: claims.statistics,
             bvh,
             validator,
@@ -263,10 +265,14 @@ impl Baker {
             return Ok(());
         }
         if !change.objects.is_empty() {
-            let boxes = change.boxes(old, &scene);
+            let mut boxes = change.boxes(old, &scene);
             self.bvh = self.bvh.moved(&scene, &change.objects);
+            let objects = &change.objects;
+            let replaced =
+                self.clearances
+                    .update(&scene, &self.bvh, &mut self.texels, objects, &mut boxes);
             self.illumination
-                .change(&scene, &self.texels, &change.objects, boxes)?;
+                .change(&scene, &self.texels, objects, &replaced, boxes)?;
         }
         self.validator.invalidate(&scene, change);
         self.settled = false;

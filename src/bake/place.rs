@@ -6,12 +6,12 @@ use std::ops::Range;
 use bytemuck::{Pod, Zeroable};
 
 use super::pool::{Pool, grow};
-use super::records::{Placement, Receiver, Tile};
+use super::records::{Placement, Receiver, Replaced, Tile};
 use super::shaders;
 use super::shared::{NONE, TILE};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
-use crate::lightmap::{Clearance, Texel};
 use crate::lightmap::texels::Texels;
+use crate::lightmap::{Clearance, Texel};
 use crate::scene::Scene;
 
 /// Receivers in world space and their tiles, on the device.
@@ -23,8 +23,11 @@ pub struct Receivers {
     placements: Buffer,
     pipeline: Pipeline,
     pool: Pool,
-    /// By instance.
-    taken: BTreeMap<u32, Range<u32>>,
+    /// By instance: ranges apart from each other.
+    taken: BTreeMap<u32, Vec<Range<u32>>>,
+    /// By tile of texels: where its receivers stand now, and their instance.
+    now: Vec<[u32; 2]>,
+    replaced: Buffer,
     /// Tiles of texels, that is of sums.
     texel_tiles: u32,
 }
@@ -40,6 +43,8 @@ struct Push {
     first_texels: u32,
     first_receivers: u32,
     instance: u32,
+    replacing: u32,
+    replaced: Address,
 }
 
 /// Workgroups per dispatch, below the guaranteed limit.
@@ -54,16 +59,19 @@ impl Receivers {
             .iter()
             .map(|o| placement(&o.transform))
             .collect();
-        let mut clearances = texels.clearances.clone();
-        clearances.resize(texels.list.len(), Clearance::OPEN);
+        let clearances = texels.clearances_of(0..texels.list.len());
         let (receiver, tile) = (size_of::<Receiver>() as u64, size_of::<Tile>() as u64);
         let mut pool = Pool::default();
         pool.take(tiles);
-        let taken: BTreeMap<u32, Range<u32>> = (0..)
-            .zip(texels.tiles.iter().cloned())
-            .zip(standing)
-            .filter_map(|(taken, stands)| stands.then_some(taken))
-            .collect();
+        let mut taken = BTreeMap::new();
+        let mut now = vec![[NONE; 2]; tiles as usize];
+        let standing = (0..).zip(&texels.tiles).zip(standing).filter(|t| *t.1);
+        for ((object, own), _) in standing {
+            for tile in own.clone() {
+                now[tile as usize] = [tile, object];
+            }
+            taken.insert(object, vec![own.clone()]);
+        }
         let out = Self {
             receivers: gpu.buffer(
                 "receivers",
@@ -77,13 +85,17 @@ impl Receivers {
             pipeline: gpu.pipeline(shaders::PLACE, &[])?,
             pool,
             taken,
+            now,
+            replaced: gpu.buffer("replaced tiles", 16, Memory::Device)?,
             texel_tiles: tiles,
         };
         let mut cmd = gpu.commands()?;
         // Tiles of objects that are nowhere are no instance's.
         cmd.fill(&out.tiles, 0, out.tiles.size() & !3, NONE);
         cmd.barrier(Stage::Transfer, Stage::Compute);
-        let ranges: Vec<&Range<u32>> = out.taken.values().filter(|r| !r.is_empty()).collect();
+        let ranges: Vec<&Range<u32>> = (out.taken.values().flatten())
+            .filter(|r| !r.is_empty())
+            .collect();
         for run in ranges.chunk_by(|a, b| a.end == b.start) {
             let range = run[0].start..run[run.len() - 1].end;
             out.dispatch(&mut cmd, range.clone(), range.start, NONE);
@@ -103,80 +115,203 @@ impl Receivers {
         self.texel_tiles
     }
 
-    /// Appends tiles of texels.
-    pub(super) fn append(&mut self, gpu: &Gpu, cmd: &mut Commands, texels: &[Texel]) -> Result<()> {
-        let before = u64::from(self.texel_tiles * TILE) * size_of::<Texel>() as u64;
-        let bytes = std::mem::size_of_val(texels) as u64;
-        grow(gpu, cmd, &mut self.texels, before + bytes)?;
-        cmd.upload(&self.texels, before, texels)?;
-        self.texel_tiles += texels.len() as u32 / TILE;
+    /// Appends tiles of texels: those of the list from entry `known` on.
+    pub(super) fn append(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        texels: &Texels,
+        known: usize,
+    ) -> Result<()> {
+        let (entries, texel) = (texels.list.len() as u64, size_of::<Texel>() as u64);
+        grow(gpu, cmd, &mut self.texels, entries * texel)?;
+        cmd.upload(&self.texels, known as u64 * texel, &texels.list[known..])?;
+        let bytes = entries * size_of::<Clearance>() as u64;
+        grow(gpu, cmd, &mut self.clearances, bytes)?;
+        self.texel_tiles = texels.list.len() as u32 / TILE;
+        self.now.resize(self.texel_tiles as usize, [NONE; 2]);
         Ok(())
     }
 
-    /// Adds an instance of an object whose texels are the tiles `texels`.
+    /// Adds an instance of an object whose texels are the tiles `own`.
     pub(super) fn add(
         &mut self,
         gpu: &Gpu,
         cmd: &mut Commands,
         instance: u32,
         transform: &glam::Affine3A,
-        texels: Range<u32>,
+        texels: &Texels,
+        own: Range<u32>,
     ) -> Result<()> {
-        let range = self.pool.take(texels.len() as u32);
-        let end = u64::from(self.pool.end());
-        let stride = size_of::<Placement>() as u64;
-        grow(
-            gpu,
-            cmd,
-            &mut self.receivers,
-            end * u64::from(TILE) * size_of::<Receiver>() as u64,
-        )?;
-        grow(gpu, cmd, &mut self.tiles, end * size_of::<Tile>() as u64)?;
-        grow(
-            gpu,
-            cmd,
-            &mut self.placements,
-            u64::from(instance + 1) * stride,
-        )?;
-        cmd.upload(
-            &self.placements,
-            u64::from(instance) * stride,
-            &[placement(transform)],
-        )?;
+        let range = self.pool.take(own.len() as u32);
+        self.make_room(gpu, cmd, instance)?;
+        self.upload_placement(cmd, instance, transform)?;
+        self.upload_clearances(cmd, texels, own.clone())?;
         cmd.barrier(Stage::Transfer, Stage::Compute);
-        self.dispatch(cmd, texels, range.start, instance);
+        self.dispatch(cmd, own.clone(), range.start, instance);
         cmd.barrier(Stage::Compute, Stage::All);
-        self.taken.insert(instance, range);
+        for (slot, tile) in range.clone().zip(own) {
+            self.now[tile as usize] = [slot, instance];
+        }
+        self.taken.insert(instance, vec![range]);
+        Ok(())
+    }
+
+    /// Puts other receivers in the place of those of some tiles of texels (ascending) that stand somewhere, with what stands
+    /// near them now. `begin` names the instances, for one that tiles belonged to: that of its old tiles from here on, and
+    /// that of the new ones.
+    pub(super) fn replace(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        scene: &Scene,
+        texels: &Texels,
+        tiles: &[u32],
+        begin: &mut dyn FnMut(u32) -> [u32; 2],
+    ) -> Result<()> {
+        let mut owners = BTreeMap::<u32, Vec<u32>>::new();
+        for &tile in tiles {
+            let [_, instance] = self.now[tile as usize];
+            owners.entry(instance).or_default().push(tile);
+        }
+        let mut entries = Vec::with_capacity(tiles.len());
+        for (owner, tiles) in owners {
+            let [ended, instance] = begin(owner);
+            let range = self.pool.take(tiles.len() as u32);
+            self.make_room(gpu, cmd, instance)?;
+            let object = texels.list[tiles[0] as usize * Texel::TILE].object;
+            self.upload_placement(cmd, instance, &scene.objects[object as usize].transform)?;
+            let first = entries.len();
+            for (&tile, new) in tiles.iter().zip(range.clone()) {
+                let [old, _] = std::mem::replace(&mut self.now[tile as usize], [new, instance]);
+                entries.push(Replaced {
+                    tile,
+                    old,
+                    ended,
+                    new,
+                    instance,
+                });
+            }
+            let mut old: Vec<u32> = entries[first..].iter().map(|e| e.old).collect();
+            old.sort_unstable();
+            if let Some(ranges) = self.taken.get_mut(&owner) {
+                *ranges = without(ranges, &old);
+            }
+            let old = old.into_iter().map(|slot| slot..slot + 1).collect();
+            self.taken.insert(ended, old);
+            self.taken.insert(instance, vec![range]);
+        }
+        for run in tiles.chunk_by(|a, b| a + 1 == *b) {
+            self.upload_clearances(cmd, texels, run[0]..run[run.len() - 1] + 1)?;
+        }
+        let bytes = std::mem::size_of_val(&entries[..]) as u64;
+        grow(gpu, cmd, &mut self.replaced, bytes)?;
+        cmd.upload(&self.replaced, 0, &entries)?;
+        cmd.barrier(Stage::Transfer, Stage::Compute);
+        cmd.scope("place", |cmd| {
+            for (i, part) in (0..).zip(entries.chunks(STRIDE as usize)) {
+                let bytes = i * u64::from(STRIDE) * size_of::<Replaced>() as u64;
+                let push = Push {
+                    replacing: 1,
+                    replaced: self.replaced.address_at(bytes),
+                    ..self.push()
+                };
+                cmd.dispatch(&self.pipeline, &push, [part.len() as u32 * TILE, 1, 1]);
+            }
+        });
+        cmd.barrier(Stage::Compute, Stage::All);
         Ok(())
     }
 
     /// Gives back what the instances took.
     pub(super) fn remove(&mut self, instances: &[u32]) {
-        for instance in instances {
-            if let Some(range) = self.taken.remove(instance) {
-                self.pool.give(range);
-            }
+        for range in instances
+            .iter()
+            .filter_map(|i| self.taken.remove(i))
+            .flatten()
+        {
+            self.pool.give(range);
         }
+    }
+
+    /// Makes room for all receivers, and for the placement of `instance`.
+    fn make_room(&mut self, gpu: &Gpu, cmd: &mut Commands, instance: u32) -> Result<()> {
+        let end = u64::from(self.pool.end());
+        let receivers = end * u64::from(TILE) * size_of::<Receiver>() as u64;
+        grow(gpu, cmd, &mut self.receivers, receivers)?;
+        grow(gpu, cmd, &mut self.tiles, end * size_of::<Tile>() as u64)?;
+        let placements = u64::from(instance + 1) * size_of::<Placement>() as u64;
+        grow(gpu, cmd, &mut self.placements, placements)?;
+        Ok(())
+    }
+
+    fn upload_placement(
+        &self,
+        cmd: &mut Commands,
+        instance: u32,
+        transform: &glam::Affine3A,
+    ) -> Result<()> {
+        let offset = u64::from(instance) * size_of::<Placement>() as u64;
+        cmd.upload(&self.placements, offset, &[placement(transform)])
+    }
+
+    /// Sends what stands near some tiles of texels.
+    fn upload_clearances(
+        &self,
+        cmd: &mut Commands,
+        texels: &Texels,
+        tiles: Range<u32>,
+    ) -> Result<()> {
+        let entries = (tiles.start * TILE) as usize..(tiles.end * TILE) as usize;
+        let offset = entries.start as u64 * size_of::<Clearance>() as u64;
+        cmd.upload(&self.clearances, offset, &texels.clearances_of(entries))
     }
 
     fn dispatch(&self, cmd: &mut Commands, texels: Range<u32>, first: u32, instance: u32) {
         cmd.scope("place", |cmd| {
             for done in (0..texels.len() as u32).step_by(STRIDE as usize) {
                 let push = Push {
-                    texels: self.texels.address(),
-                    clearances: self.clearances.address(),
-                    placements: self.placements.address(),
-                    receivers: self.receivers.address(),
-                    tiles: self.tiles.address(),
                     first_texels: texels.start + done,
                     first_receivers: first + done,
                     instance,
+                    ..self.push()
                 };
                 let tiles = STRIDE.min(texels.len() as u32 - done);
                 cmd.dispatch(&self.pipeline, &push, [tiles * TILE, 1, 1]);
             }
         });
     }
+
+    fn push(&self) -> Push {
+        Push {
+            texels: self.texels.address(),
+            clearances: self.clearances.address(),
+            placements: self.placements.address(),
+            receivers: self.receivers.address(),
+            tiles: self.tiles.address(),
+            first_texels: 0,
+            first_receivers: 0,
+            instance: NONE,
+            replacing: 0,
+            replaced: self.replaced.address(),
+        }
+    }
+}
+
+/// Ranges without some of their slots (ascending).
+fn without(ranges: &[Range<u32>], slots: &[u32]) -> Vec<Range<u32>> {
+    let mut left = Vec::new();
+    for range in ranges {
+        let mut start = range.start;
+        let from = slots.partition_point(|s| *s < range.start);
+        for &slot in slots[from..].iter().take_while(|s| **s < range.end) {
+            left.push(start..slot);
+            start = slot + 1;
+        }
+        left.push(start..range.end);
+    }
+    left.retain(|range| !range.is_empty());
+    left
 }
 
 /// Rows of the transform, and of its inverse transpose: that carries front normals to front normals, mirrored or not.

@@ -5,8 +5,8 @@ use glam::Vec3;
 
 use super::shared::*;
 use super::versions::Version;
-use crate::lightmap::Clearance;
 use crate::cluster::{Shape, VirtualLight};
+use crate::lightmap::Clearance;
 use crate::scene::Bounds;
 
 /// `Receiver`.
@@ -17,6 +17,17 @@ pub(super) struct Receiver {
     pub normal: [f32; 3],
     pub face: [f32; 3],
     pub clearance: Clearance,
+}
+
+/// `Replaced`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct Replaced {
+    pub tile: u32,
+    pub old: u32,
+    pub ended: u32,
+    pub new: u32,
+    pub instance: u32,
 }
 
 /// `Tile`.
@@ -164,7 +175,7 @@ pub(super) struct Surroundings<'a> {
 
 /// Pixels beside its own direction that a receiver is looked up at, at most: it is lifted by less than one, and a pixel
 /// stands for all directions through it.
-const LOOKUP: f32 = 2.0;
+const LOOKUP: f32 = 3.0;
 
 /// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer.
 pub(super) fn record(

@@ -140,12 +140,14 @@ impl Illumination {
     }
 
     /// Begins a version in which `objects` are where `scene` has them; `boxes` bound what they occupied before and what
-    /// they occupy now. `texels`: of all objects, new ones at the end.
+    /// they occupy now. `texels`: of all objects, new ones at the end. `replaced`: tiles of other objects, ascending, that
+    /// have something else near them than before; the boxes hold the texels of these that it makes a difference to.
     pub fn change(
         &mut self,
         scene: &Scene,
         texels: &Texels,
         objects: &[u32],
+        replaced: &[u32],
         boxes: Vec<Bounds>,
     ) -> Result<Version> {
         self.send()?;
@@ -154,8 +156,7 @@ impl Illumination {
         cmd.barrier(Stage::All, Stage::All);
         let known = (self.receivers.texel_tiles() * super::shared::TILE) as usize;
         if texels.list.len() > known {
-            self.receivers
-                .append(&self.gpu, &mut cmd, &texels.list[known..])?;
+            self.receivers.append(&self.gpu, &mut cmd, texels, known)?;
             self.accumulate
                 .extend(&self.gpu, &mut cmd, &self.receivers)?;
         }
@@ -171,11 +172,16 @@ impl Illumination {
                 &mut cmd,
                 instance,
                 &scene.objects[object as usize].transform,
+                texels,
                 texels.tiles[object as usize].clone(),
             )?;
             standing.push(object);
             instances.push(instance);
         }
+        let versions = &mut self.versions;
+        let mut begin = |instance| versions.begin_part(instance);
+        self.receivers
+            .replace(&self.gpu, &mut cmd, scene, texels, replaced, &mut begin)?;
         self.occluders
             .add(&self.gpu, &mut cmd, scene, &standing, &instances)?;
         self.versions.upload(&self.gpu, &mut cmd)?;

@@ -3,9 +3,10 @@
 //! A light must be subtracted in the very scene that it was added to (IBGI section 4.4). So the device holds several
 //! versions of the scene at once: an *instance* is an object in one place, with an interval of versions in which it
 //! stands there; chunks of triangles and tiles of receivers name their instance, views and lights their version. An
-//! edit adds instances for what it moves and shares all others.
+//! edit adds instances for what it moves and shares all others. Where it changes what stands near some tiles of an object
+//! that stays, these tiles alone get instances of their own: *parts* of the object, without triangles.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 
@@ -30,8 +31,8 @@ pub(super) struct Versions {
     table: Vec<Instance>,
     /// The object of each live instance.
     object: BTreeMap<u32, u32>,
-    /// The instance of each object in the current version, if it stands anywhere.
-    current_of: BTreeMap<u32, u32>,
+    /// The instances of each object in the current version, if it stands anywhere: itself, then parts of it.
+    current_of: BTreeMap<u32, Vec<u32>>,
     buffer: Buffer,
 }
 
@@ -59,7 +60,7 @@ impl Versions {
             changed: BTreeMap::new(),
             table,
             object: here().map(|(i, _)| (i, i)).collect(),
-            current_of: here().map(|(i, _)| (i, i)).collect(),
+            current_of: here().map(|(i, _)| (i, vec![i])).collect(),
             buffer,
         })
     }
@@ -87,9 +88,28 @@ impl Versions {
 
     /// The object no longer stands where it stood.
     pub(super) fn end_instance(&mut self, object: u32) {
-        if let Some(instance) = self.current_of.remove(&object) {
+        for instance in self.current_of.remove(&object).unwrap_or_default() {
             self.table[instance as usize].until = self.current;
         }
+    }
+
+    /// Some tiles of an instance are others from the current version on: returns the instance of the old ones, which ends
+    /// now, and that of the new ones, which begins.
+    pub(super) fn begin_part(&mut self, instance: u32) -> [u32; 2] {
+        let (object, since) = (self.object[&instance], self.table[instance as usize].since);
+        let parts = [(since, self.current), (self.current, Version::MAX)];
+        let [ended, begun] = parts.map(|(since, until)| {
+            let part = self.table.len() as u32;
+            self.table.push(Instance {
+                since,
+                until,
+                crowded: 0,
+            });
+            self.object.insert(part, object);
+            part
+        });
+        self.current_of.entry(object).or_default().push(begun);
+        [ended, begun]
     }
 
     /// The object stands somewhere from the current version on.
@@ -102,7 +122,7 @@ impl Versions {
             crowded: 0,
         });
         self.object.insert(instance, object);
-        self.current_of.insert(object, instance);
+        self.current_of.insert(object, vec![instance]);
         instance
     }
 
@@ -125,12 +145,15 @@ impl Versions {
 
     /// Sends the table to the device.
     pub(super) fn upload(&mut self, gpu: &Gpu, cmd: &mut Commands) -> Result<()> {
-        let mut count = BTreeMap::<u32, u32>::new();
-        for object in self.object.values() {
-            *count.entry(*object).or_default() += 1;
-        }
+        // Those that have ended add to the same texels as those that stand now; of these, each has its own.
+        let ended: BTreeSet<u32> = self
+            .object
+            .iter()
+            .filter(|(instance, _)| self.table[**instance as usize].until != Version::MAX)
+            .map(|(_, object)| *object)
+            .collect();
         for (&instance, object) in &self.object {
-            self.table[instance as usize].crowded = u32::from(count[object] > 1);
+            self.table[instance as usize].crowded = u32::from(ended.contains(object));
         }
         let bytes = std::mem::size_of_val(&self.table[..]) as u64;
         super::pool::grow(gpu, cmd, &mut self.buffer, bytes)?;

@@ -136,7 +136,7 @@ pub struct Clearance {
     pub push: [f32; 3],
     /// Distance of what is nearest, along the surface, metres.
     pub near: f32,
-    /// One over the length of `push`; 0 where that is 0.
+    /// One over how far `push` leads away from what is near, per metre; 0 where it leads nowhere.
     pub rate: f32,
     /// Free distance along the face's normal, metres; [`Clearance::OPEN`]'s where nothing is near.
     pub room: f32,

@@ -78,6 +78,15 @@ struct Claimed {
 }
 
 impl Texels {
+    /// What stands near some entries of the list.
+    pub fn clearances_of(&self, entries: Range<usize>) -> Vec<Clearance> {
+        let known = self.clearances.get(entries.start..).unwrap_or(&[]);
+        let known = &known[..known.len().min(entries.len())];
+        let mut all = known.to_vec();
+        all.resize(entries.len(), Clearance::OPEN);
+        all
+    }
+
     /// Finds each claimed texel's point: its centre where its triangle covers it, the nearest point of the triangle
     /// elsewhere.
     ///

@@ -2,6 +2,7 @@
 
 use super::super::records::{self, Light};
 use super::super::shaders;
+use crate::lightmap::Clearance;
 
 #[test]
 fn records_lie_in_memory_as_the_shaders_read_them() {
@@ -13,6 +14,26 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(records::Receiver, position),
                 offset_of!(records::Receiver, normal),
                 offset_of!(records::Receiver, face),
+                offset_of!(records::Receiver, clearance),
+            ],
+        ),
+        (
+            "Clearance",
+            &[
+                offset_of!(Clearance, push),
+                offset_of!(Clearance, near),
+                offset_of!(Clearance, rate),
+                offset_of!(Clearance, room),
+            ],
+        ),
+        (
+            "Replaced",
+            &[
+                offset_of!(records::Replaced, tile),
+                offset_of!(records::Replaced, old),
+                offset_of!(records::Replaced, ended),
+                offset_of!(records::Replaced, new),
+                offset_of!(records::Replaced, instance),
             ],
         ),
         (

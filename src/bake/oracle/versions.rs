@@ -9,8 +9,8 @@ use super::super::versions::Version;
 use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels, soup};
 use crate::cluster::VirtualLight;
 use crate::gpu::Gpu;
-use crate::lightmap::Texel;
 use crate::lightmap::texels::Texels;
+use crate::lightmap::{Clearance, Texel};
 use crate::scene::{Bounds, Mesh, Scene};
 
 /// Objects of loose triangles, each near a place of its own, the first one everywhere; and texels of each.
@@ -69,6 +69,54 @@ fn bounds(scene: &Scene, object: u32) -> Option<Bounds> {
     })
 }
 
+/// Something else stands near all texels of what changed, and near some texels of other objects, which the boxes then hold:
+/// returns the tiles of these.
+fn surround(
+    numbers: &mut Numbers,
+    scene: &Scene,
+    texels: &mut Texels,
+    changed: &[u32],
+    boxes: &mut [Bounds],
+) -> Vec<u32> {
+    texels.clearances.resize(texels.list.len(), Clearance::OPEN);
+    let mut replaced = Vec::new();
+    for object in 0..scene.objects.len() as u32 {
+        if scene.is_gone(object) {
+            continue;
+        }
+        let own = changed.contains(&object);
+        for tile in texels.tiles[object as usize].clone() {
+            if !own && numbers.next() < 0.7 {
+                continue;
+            }
+            for entry in tile as usize * Texel::TILE..(tile as usize + 1) * Texel::TILE {
+                if !own && numbers.next() < 0.7 {
+                    continue;
+                }
+                let length = 0.1 * numbers.next();
+                let push = numbers.vector().normalize_or_zero() * length;
+                texels.clearances[entry] = Clearance {
+                    push: push.to_array(),
+                    near: 0.1 * numbers.next(),
+                    rate: 1.0 / length,
+                    room: 0.1 * numbers.next(),
+                };
+                let texel = &texels.list[entry];
+                let transform = &scene.objects[object as usize].transform;
+                let at = transform.transform_point3(Vec3::from_array(texel.position));
+                if let Some(last) = boxes.last_mut().filter(|_| !own) {
+                    *last = last.with(at);
+                }
+            }
+            if !own {
+                replaced.push(tile);
+            }
+        }
+    }
+    replaced.sort_unstable();
+    replaced
+}
+
 #[test]
 fn every_way_to_a_scene_ends_at_the_same_sums() {
     let gpu = gpu();
@@ -116,8 +164,9 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
                 }
             }
             boxes.extend(bounds(&scene, changed[0]));
+            let replaced = surround(&mut numbers, &scene, &mut texels, &changed, &mut boxes);
             let version = map
-                .change(&scene, &texels, &changed, boxes)
+                .change(&scene, &texels, &changed, &replaced, boxes)
                 .expect("a change");
             for _ in 0..8 {
                 let at = choose(&mut numbers, held.len());
@@ -159,7 +208,7 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
             .filter(|&o| scene.mesh(o).triangles.is_empty())
             .collect();
         let version = fresh
-            .change(&scene, &texels, &gone, Vec::new())
+            .change(&scene, &texels, &gone, &[], Vec::new())
             .expect("a change");
         for (light, _) in held {
             fresh.push(light, Sign::Add, version).expect("add");
