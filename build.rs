@@ -1,5 +1,6 @@
-//! Compiles glsl/*.comp to SPIR-V, a warning being an error, and writes the table that `bake::shaders` includes:
-//! code, local size, push constant size, and the layout of every structure for the layout test.
+//! Compiles the shaders of glsl/ to SPIR-V, a warning being an error, and writes the tables that `bake::shaders` and (names that
+//! begin with `view_`) `view::shaders` include: code, local size, push constant size, and the layout of every structure for
+//! the layout tests.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -15,27 +16,50 @@ fn main() {
     let mut sources: Vec<_> = std::fs::read_dir("glsl")
         .expect("glsl/ is part of the package")
         .map(|entry| entry.expect("glsl/ can be listed").path())
-        .filter(|path| path.extension().is_some_and(|e| e == "comp"))
+        .filter(|path| kind(path).is_some())
         .collect();
     sources.sort();
-
+    let (view, bake): (Vec<_>, Vec<_>) = sources
+        .into_iter()
+        .partition(|path| stem(path).starts_with("view_"));
     let compiler = shaderc::Compiler::new().expect("shaderc starts");
+    for (name, sources) in [("shaders.rs", bake), ("view_shaders.rs", view)] {
+        let table = table(&compiler, &out, &sources);
+        std::fs::write(out.join(name), table).expect("OUT_DIR can be written");
+    }
+}
+
+/// The stage that a file's extension names, with what is put behind the stem in constants' names.
+fn kind(path: &Path) -> Option<(shaderc::ShaderKind, &'static str)> {
+    match path.extension()?.to_str()? {
+        "comp" => Some((shaderc::ShaderKind::Compute, "")),
+        "vert" => Some((shaderc::ShaderKind::Vertex, "_VERT")),
+        "frag" => Some((shaderc::ShaderKind::Fragment, "_FRAG")),
+        _ => None,
+    }
+}
+
+fn stem(path: &Path) -> &str {
+    let stem = path.file_stem().expect("a file has a stem");
+    stem.to_str().expect("shader names are ASCII")
+}
+
+/// The Rust source of a table of shaders; writes their SPIR-V beside it.
+fn table(compiler: &shaderc::Compiler, out: &Path, sources: &[PathBuf]) -> String {
     let mut table = String::new();
     let mut layouts = BTreeMap::new();
-    for path in &sources {
-        let name = path
-            .file_stem()
-            .expect("a file has a stem")
-            .to_str()
-            .expect("shader names are ASCII");
-        let spirv = compile(&compiler, path, shaderc::OptimizationLevel::Performance);
-        let plain = Module::parse(&compile(&compiler, path, shaderc::OptimizationLevel::Zero));
-        std::fs::write(out.join(format!("{name}.spv")), bytes(&spirv))
+    for path in sources {
+        let (_, suffix) = kind(path).expect("only those were listed");
+        let file = path.file_name().and_then(|n| n.to_str()).expect("ASCII");
+        let spirv = compile(compiler, path, shaderc::OptimizationLevel::Performance);
+        let plain = Module::parse(&compile(compiler, path, shaderc::OptimizationLevel::Zero));
+        std::fs::write(out.join(format!("{file}.spv")), bytes(&spirv))
             .expect("OUT_DIR can be written");
-        let constant = name.to_uppercase();
+        let name = stem(path);
+        let constant = name.to_uppercase() + suffix;
         writeln!(
             table,
-            "/// `glsl/{name}.comp`.\npub const {constant}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")), push_bytes: {}, local_size: {:?} }};",
+            "/// `glsl/{file}`.\npub const {constant}: Shader = Shader {{ name: {name:?}, spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\")), push_bytes: {}, local_size: {:?} }};",
             plain.push_bytes(),
             plain.local_size,
         )
@@ -53,7 +77,7 @@ fn main() {
         writeln!(table, "    ({name:?}, &{members:?}),").expect("a String takes it");
     }
     writeln!(table, "];").expect("a String takes it");
-    std::fs::write(out.join("shaders.rs"), table).expect("OUT_DIR can be written");
+    table
 }
 
 fn compile(
@@ -87,7 +111,7 @@ fn compile(
     let file = path.display().to_string();
     match compiler.compile_into_spirv(
         &source,
-        shaderc::ShaderKind::Compute,
+        kind(path).expect("only those were listed").0,
         &file,
         "main",
         Some(&options),

@@ -1,7 +1,7 @@
 //! `rebake` bakes lightmaps from glTF scenes by many-light global illumination, and updates them when the scene is edited.
 //!
 //! The modules stand in the order of the data's way; dependencies run one way:
-//! `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake` <- `bench`.
+//! `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake` <- `bench`, `view`.
 //!
 //! ```text
 //! glTF -> scene -> unwrap -> texels                          what is lit, and where its light is kept
@@ -9,7 +9,7 @@
 //!           v                  |
 //!    lights -> paths -> VPLs -> octree -> selected cells -> virtual lights     how light travels, and what stands for it
 //!                                               |
-//!                         [cube shadow -> accumulate]* -> resolve -> EXR + glTF
+//!                         [cube shadow -> accumulate]* -> resolve -> EXR + glTF | viewer
 //! ```
 
 pub mod gpu;
@@ -23,3 +23,5 @@ pub mod cluster;
 pub mod bake;
 
 pub mod bench;
+
+pub mod view;

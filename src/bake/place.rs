@@ -110,6 +110,10 @@ impl Receivers {
         self.pool.end()
     }
 
+    pub(super) fn texels(&self) -> &Buffer {
+        &self.texels
+    }
+
     /// Tiles of texels, and of sums.
     pub(super) fn texel_tiles(&self) -> u32 {
         self.texel_tiles

@@ -30,6 +30,11 @@ pub const MACROS: &[(&str, u32)] = &[
     ("CLAIM_EDGE", CLAIM_EDGE),
     ("CLAIM_FAR_EDGE", CLAIM_FAR_EDGE),
     ("CLAIM_VERTEX", CLAIM_VERTEX),
+    ("LOOK_LIT", LOOK_LIT),
+    ("LOOK_UNBAKED", LOOK_UNBAKED),
+    ("LOOK_LIGHT", LOOK_LIGHT),
+    ("LOOK_LUX", LOOK_LUX),
+    ("LUX_STEP", LUX_STEP),
 ];
 
 /// No index.
@@ -95,3 +100,14 @@ pub const CLAIM_EDGE: u32 = 1 << 30;
 pub const CLAIM_FAR_EDGE: u32 = 2 << 30;
 /// Added to the triangle of a claim that a vertex makes.
 pub const CLAIM_VERTEX: u32 = 3 << 30;
+
+/// What the viewer shows: the lit scene.
+pub const LOOK_LIT: u32 = 0;
+/// The scene before there is a map.
+pub const LOOK_UNBAKED: u32 = 1;
+/// The scene as if it were of one grey.
+pub const LOOK_LIGHT: u32 = 2;
+/// Lux in false colours.
+pub const LOOK_LUX: u32 = 3;
+/// Lux per unit of a half float in a picture of [`LOOK_LUX`].
+pub const LUX_STEP: u32 = 16;

@@ -12,7 +12,7 @@ use super::shadow::ShadowPass;
 use super::shared::BATCH;
 use super::versions::{Version, Versions};
 use crate::cluster::{Shape, VirtualLight};
-use crate::gpu::{Gpu, Result, Stage, Ticket};
+use crate::gpu::{Buffer, Gpu, Result, Stage, Ticket};
 use crate::lightmap::texels::Texels;
 use crate::scene::{Bounds, Scene};
 
@@ -278,6 +278,11 @@ impl Illumination {
 
     pub(super) fn pass(&self) -> &AccumulatePass {
         &self.accumulate
+    }
+
+    /// Texels, tile by tile.
+    pub(super) fn texels(&self) -> &Buffer {
+        self.receivers.texels()
     }
 
     /// Tiles of texels.

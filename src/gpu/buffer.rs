@@ -67,6 +67,7 @@ impl RawBuffer {
         let info = vk::BufferCreateInfo::default().size(size).usage(
             vk::BufferUsageFlags::STORAGE_BUFFER
                 | vk::BufferUsageFlags::INDIRECT_BUFFER
+                | vk::BufferUsageFlags::INDEX_BUFFER
                 | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
                 | vk::BufferUsageFlags::TRANSFER_SRC
                 | vk::BufferUsageFlags::TRANSFER_DST,
@@ -215,15 +216,22 @@ impl Buffer {
         cmd.copy(self, (range.start * stride) as u64, &staging, 0, bytes);
         cmd.barrier(Stage::Transfer, Stage::Host);
         cmd.submit()?.wait()?;
-        let mapped = staging
+        Ok(staging.mapped(0..range.len()))
+    }
+
+    /// What lies in a [`Memory::Readback`] buffer (elements of `T`); the caller has waited for the device to write it.
+    pub fn mapped<T: Pod>(&self, range: Range<usize>) -> Vec<T> {
+        let stride = size_of::<T>();
+        let mapped = self
             .raw
             .allocation
             .as_ref()
             .and_then(|a| a.mapped_slice())
             .unwrap_or_default();
         let mut out = vec![T::zeroed(); range.len()];
-        bytemuck::cast_slice_mut(&mut out).copy_from_slice(&mapped[..bytes as usize]);
-        Ok(out)
+        bytemuck::cast_slice_mut(&mut out)
+            .copy_from_slice(&mapped[range.start * stride..range.end * stride]);
+        out
     }
 }
 

@@ -18,6 +18,8 @@ pub enum Stage {
     Transfer,
     /// Compute shaders.
     Compute,
+    /// Everything that draws.
+    Draw,
     /// Reading of indirect arguments.
     Indirect,
     /// The host's reads after a wait.
@@ -27,10 +29,11 @@ pub enum Stage {
 }
 
 impl Stage {
-    fn flags(self) -> vk::PipelineStageFlags2 {
+    pub(super) fn flags(self) -> vk::PipelineStageFlags2 {
         match self {
             Stage::Transfer => vk::PipelineStageFlags2::ALL_TRANSFER,
             Stage::Compute => vk::PipelineStageFlags2::COMPUTE_SHADER,
+            Stage::Draw => vk::PipelineStageFlags2::ALL_GRAPHICS,
             Stage::Indirect => {
                 vk::PipelineStageFlags2::DRAW_INDIRECT | vk::PipelineStageFlags2::COMPUTE_SHADER
             }
@@ -61,15 +64,23 @@ impl Gpu {
 }
 
 impl Commands {
-    fn raw(&self) -> vk::CommandBuffer {
+    pub(super) fn raw(&self) -> vk::CommandBuffer {
         self.recording
             .as_ref()
             .expect("recorded into only before it is submitted")
             .buffer
     }
 
-    fn device(&self) -> &ash::Device {
+    pub(super) fn device(&self) -> &ash::Device {
         &self.gpu.0.device
+    }
+
+    pub(super) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    pub(super) fn serial(&self) -> u64 {
+        self.recording.as_ref().expect("as above").serial
     }
 
     /// Runs `record` under a debug label, timed by the device.
@@ -192,7 +203,7 @@ impl Commands {
             "upload writes past the end of `{}`",
             to.name()
         );
-        let serial = self.recording.as_ref().expect("as above").serial;
+        let serial = self.serial();
         for (i, part) in bytes.chunks(MAX_UPLOAD).enumerate() {
             let (staging, src_offset) = self.gpu.queue().stage(&self.gpu.0, serial, part)?;
             let regions = [vk::BufferCopy {

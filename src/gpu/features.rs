@@ -60,6 +60,7 @@ required! {
     vulkan12.scalar_block_layout,
     vulkan12.timeline_semaphore,
     vulkan12.host_query_reset,
+    vulkan13.dynamic_rendering,
     vulkan13.synchronization2,
     vulkan13.maintenance4,
 }

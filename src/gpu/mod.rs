@@ -1,4 +1,4 @@
-//! Vulkan, and the only unsafe code: device, buffers by address, compute pipelines, commands, uploads, timestamps.
+//! Vulkan, and the only unsafe code: device, buffers by address, images, pipelines, commands, uploads, timestamps.
 //! Knows nothing of light.
 //!
 //! One [`Gpu`] is shared by cheap clones; [`Buffer`] and [`Pipeline`] hold one and free themselves when dropped, after
@@ -8,8 +8,11 @@
 
 mod buffer;
 mod commands;
+mod draw;
 mod error;
 mod features;
+mod graphics;
+mod image;
 mod instance;
 mod pipeline;
 mod queue;
@@ -25,7 +28,10 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 pub use buffer::{Address, Buffer, Memory};
 pub use commands::{Commands, Stage};
+pub use draw::{Drawing, Sides, Targets};
 pub use error::{GpuError, Result};
+pub use graphics::{Blend, DepthUse, GraphicsOptions, GraphicsPipeline, Topology};
+pub use image::{Edge, Format, Image, ImageOptions, Sampler, Textures};
 pub use instance::{DeviceInfo, GpuOptions};
 pub use pipeline::{Pipeline, Shader};
 pub use ticket::{Ticket, Timing};
@@ -72,10 +78,16 @@ impl Gpu {
                 .raw
                 .get_physical_device_queue_family_properties(info.handle)
                 .iter()
-                .position(|family| {
+                .enumerate()
+                .filter(|(_, family)| {
                     family.queue_flags.contains(vk::QueueFlags::COMPUTE)
                         && family.timestamp_valid_bits > 0
                 })
+                // One that draws too, where there is one: the viewer's.
+                .min_by_key(|(i, family)| {
+                    (!family.queue_flags.contains(vk::QueueFlags::GRAPHICS), *i)
+                })
+                .map(|(i, _)| i)
                 .ok_or_else(|| GpuError::Lacks {
                     device: info.name.clone(),
                     missing: "a compute queue with timestamps".into(),

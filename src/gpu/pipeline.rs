@@ -9,7 +9,7 @@ use super::queue::Garbage;
 /// Push constants that every device offers, bytes.
 const MAX_PUSH: u32 = 128;
 
-/// A compute shader of `glsl/`, compiled by the build script.
+/// A shader of `glsl/`, compiled by the build script.
 #[derive(Clone, Copy)]
 pub struct Shader {
     /// File stem.
@@ -18,8 +18,18 @@ pub struct Shader {
     pub spirv: &'static [u8],
     /// Size of its push constant block, read from the SPIR-V.
     pub push_bytes: u32,
-    /// Its local size.
+    /// Its local size, if it is a compute shader.
     pub local_size: [u32; 3],
+}
+
+impl Shader {
+    /// The SPIR-V as words.
+    pub(super) fn words(&self) -> Vec<u32> {
+        self.spirv
+            .chunks_exact(4)
+            .map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]))
+            .collect()
+    }
 }
 
 /// A compute pipeline.
@@ -28,6 +38,16 @@ pub struct Pipeline {
     pub(super) raw: vk::Pipeline,
     pub(super) layout: vk::PipelineLayout,
     pub(super) shader: Shader,
+}
+
+/// Where specialization constants 0, 1, 2... lie in `constants`.
+pub(super) fn entries(constants: &[u32]) -> Vec<vk::SpecializationMapEntry> {
+    let entry = |id| vk::SpecializationMapEntry {
+        constant_id: id,
+        offset: id * 4,
+        size: 4,
+    };
+    (0..constants.len() as u32).map(entry).collect()
 }
 
 impl Gpu {
@@ -40,18 +60,8 @@ impl Gpu {
         );
         let device = &self.0.device;
         let name = shader.name;
-        let code: Vec<u32> = shader
-            .spirv
-            .chunks_exact(4)
-            .map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]]))
-            .collect();
-        let entries: Vec<_> = (0..constants.len() as u32)
-            .map(|id| vk::SpecializationMapEntry {
-                constant_id: id,
-                offset: id * 4,
-                size: 4,
-            })
-            .collect();
+        let code = shader.words();
+        let entries = entries(constants);
         let specialization = vk::SpecializationInfo::default()
             .map_entries(&entries)
             .data(bytemuck::cast_slice(constants));

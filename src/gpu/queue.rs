@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering;
 
 use ash::vk;
-use gpu_allocator::vulkan::Allocator;
+use gpu_allocator::vulkan::{Allocation, Allocator};
 
 use super::Shared;
 use super::buffer::{Memory, RawBuffer};
@@ -21,6 +21,13 @@ pub(super) const MAX_TIMESTAMPS: u32 = 256;
 pub(super) enum Garbage {
     Buffer(RawBuffer),
     Pipeline(vk::Pipeline, vk::PipelineLayout),
+    Image {
+        handle: vk::Image,
+        view: vk::ImageView,
+        allocation: Option<Allocation>,
+    },
+    Sampler(vk::Sampler),
+    Set(vk::DescriptorPool, vk::DescriptorSetLayout),
 }
 
 /// A command buffer with its pool and timestamps, reused when its submission has finished.
@@ -372,6 +379,16 @@ impl Garbage {
                 Garbage::Pipeline(pipeline, layout) => {
                     device.destroy_pipeline(pipeline, None);
                     device.destroy_pipeline_layout(layout, None);
+                }
+                Garbage::Image {
+                    handle,
+                    view,
+                    allocation,
+                } => super::image::destroy(handle, view, allocation, device, allocator),
+                Garbage::Sampler(sampler) => device.destroy_sampler(sampler, None),
+                Garbage::Set(pool, layout) => {
+                    device.destroy_descriptor_pool(pool, None);
+                    device.destroy_descriptor_set_layout(layout, None);
                 }
             }
         }

@@ -22,7 +22,7 @@ mod shape;
 mod skyline;
 pub mod texels;
 mod unwrap;
-mod viewpoint;
+pub(crate) mod viewpoint;
 
 pub use atlas::{AtlasOptions, Placement};
 pub use authored::Refusal;

@@ -16,7 +16,7 @@ const LARGEST: usize = 20_000;
 const FOV_Y: f32 = 0.9;
 
 /// Places a camera. It depends on the scene alone.
-pub(super) fn choose(scene: &Scene) -> Camera {
+pub(crate) fn choose(scene: &Scene) -> Camera {
     let mut triangles = all(scene);
     // By area, which is the first number; ties by place.
     triangles.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));

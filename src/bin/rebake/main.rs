@@ -9,6 +9,8 @@ mod devices;
 mod plot;
 mod replay;
 mod scene;
+#[path = "../shared/values.rs"]
+mod values;
 
 use std::process::ExitCode;
 

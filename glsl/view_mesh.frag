@@ -1,0 +1,46 @@
+#version 460
+// Surfaces of the scene, lit by the lightmap: albedo / pi * E + emission.
+#extension GL_GOOGLE_include_directive : require
+#include "view_scene.glsl"
+#include "view_mesh.glsl"
+
+layout(constant_id = 0) const uint LOOK = LOOK_LIT;
+
+layout(set = 0, binding = 0) uniform sampler2DArray color_image;
+layout(set = 0, binding = 1) uniform sampler2DArray emission_image;
+layout(set = 0, binding = 2) uniform sampler2DArray lightmap;
+
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec2 color_uv;
+layout(location = 3) in vec2 emission_uv;
+layout(location = 4) centroid in vec2 light_uv;
+
+layout(location = 0) out vec4 color;
+
+// Half floats end there.
+const float MOST = 65000.0;
+
+void main() {
+    Surface s = surfaces.at[surface];
+    Picture p = picture.it;
+    vec4 base = texture(color_image, vec3(color_uv, 0.0)) * vec4(s.color, s.alpha);
+    if (base.a < s.cutoff) discard;
+    float page = placed.at[object].page;
+    vec3 light = texture(lightmap, vec3(light_uv, page)).rgb * p.lux;
+    vec3 emission = texture(emission_image, vec3(emission_uv, 0.0)).rgb * s.emission;
+    if (LOOK == LOOK_UNBAKED) {
+        // Stands in until there is a map: a sky above, a darker ground, and a lamp at the eye.
+        vec3 n = normalize(normal);
+        vec3 to_eye = normalize(p.eye - position);
+        float sky = 0.5 + 0.5 * n.y;
+        vec3 flat_light = mix(vec3(0.35, 0.33, 0.31), vec3(0.75, 0.8, 0.88), sky) + 0.35 * abs(dot(n, to_eye));
+        color = vec4(base.rgb * flat_light * 0.55, 1.0);
+    } else if (LOOK == LOOK_LIGHT) {
+        color = vec4(min(light * (0.5 / PI) * p.exposure, MOST), 1.0);
+    } else if (LOOK == LOOK_LUX) {
+        color = vec4(vec3(min(dot(light, LUMINANCE) / LUX_STEP, MOST)), 1.0);
+    } else {
+        color = vec4(min((base.rgb / PI * light + emission) * p.exposure, MOST), 1.0);
+    }
+}

@@ -1,0 +1,76 @@
+//! The options, in clap's words.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Parser;
+use rebake::bake::Quality;
+
+use super::values::{count, positive};
+
+/// Shows a glTF scene in the light of its lightmap, while that is baked and follows edits.
+#[derive(Parser)]
+#[command(name = "viewer", version, about, max_term_width = 110)]
+pub struct Args {
+    /// A .gltf or .glb file
+    pub scene: PathBuf,
+    /// Vulkan device: its index or a part of its name, as `rebake devices` lists them
+    #[arg(long, value_name = "INDEX|NAME")]
+    pub device: Option<String>,
+    /// Run the Vulkan validation layer; any message is an error
+    #[arg(long)]
+    pub validate: bool,
+    /// Preset: how much time to trade for how little error [default: preview]
+    #[arg(long, value_enum)]
+    pub quality: Option<Quality>,
+    /// Texels that the scene's surface should cover (1M, 256k), more of them where light varies [default: 1M, but at most 100 texels/m]
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub texels: Option<u64>,
+    /// Milliseconds of work on the map between two pictures
+    #[arg(long, value_name = "MS", default_value_t = 16.0, value_parser = positive)]
+    pub frame_ms: f32,
+    /// Width and height of pictures
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_parser = size)]
+    pub size: Size,
+    /// No window: play a script to pictures
+    #[arg(long, requires = "script", requires = "frames_dir")]
+    pub headless: bool,
+    /// What --headless plays: JSON, an edit, a camera or frames a line
+    #[arg(long, value_name = "WALK.JSONL", requires = "headless")]
+    pub script: Option<PathBuf>,
+    /// Where --headless writes frame_00000.png and so on
+    #[arg(long, value_name = "DIR", requires = "headless")]
+    pub frames_dir: Option<PathBuf>,
+}
+
+/// Width and height, pixels.
+#[derive(Clone, Copy)]
+pub struct Size(pub [u32; 2]);
+
+impl Args {
+    /// [`Args::frame_ms`] as a time.
+    pub fn frame(&self) -> Duration {
+        Duration::from_secs_f32(self.frame_ms / 1e3)
+    }
+}
+
+fn size(text: &str) -> Result<Size, String> {
+    let bad = || "write two numbers like 1280x720, each between 16 and 8192".to_owned();
+    let (width, height) = text.split_once('x').ok_or_else(bad)?;
+    let side = |text: &str| {
+        let side = text.parse::<u32>().ok();
+        side.filter(|s| (16..=8192).contains(s)).ok_or_else(bad)
+    };
+    Ok(Size([side(width)?, side(height)?]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        use clap::CommandFactory as _;
+        Args::command().debug_assert();
+    }
+}

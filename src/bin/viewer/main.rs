@@ -1,0 +1,83 @@
+//! The viewer: parse, resolve, run, one error exit.
+
+mod args;
+#[path = "../shared/values.rs"]
+mod values;
+
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use clap::Parser as _;
+use rebake::bake::{Baker, Job, Options, Silent};
+use rebake::gpu::{Gpu, GpuOptions};
+use rebake::lightmap::AtlasOptions;
+use rebake::scene::Scene;
+use rebake::view::script::Line;
+use rebake::view::{Headless, HeadlessOptions};
+
+use args::Args;
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> anyhow::Result<()> {
+    let options = GpuOptions {
+        device: args.device.clone(),
+        validate: args.validate,
+    };
+    let (Some(script), Some(folder)) = (&args.script, &args.frames_dir) else {
+        anyhow::bail!("--headless needs --script and --frames-dir");
+    };
+    let text =
+        std::fs::read_to_string(script).with_context(|| format!("reading {}", script.display()))?;
+    let lines = Line::parse_all(&text).map_err(|(line, error)| {
+        anyhow::Error::new(error).context(format!("{} line {line}", script.display()))
+    })?;
+    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || Scene::load(&args.scene));
+    let (scene, document) = loaded?;
+    scene.validate()?;
+    let gpu = gpu?;
+    let mut baker = Baker::new(&gpu, scene, document, &job(args), &Silent)?;
+    let options = HeadlessOptions {
+        size: args.size.0,
+        frame: args.frame(),
+        folder: folder.clone(),
+    };
+    let mut headless = Headless::new(&gpu, &mut baker, options)?;
+    let base = script.parent().unwrap_or(std::path::Path::new("."));
+    let frames = headless
+        .play(&lines, base)
+        .with_context(|| script.display().to_string())?;
+    drop(headless);
+    gpu.check_validation()?;
+    println!("{}: {frames} frames", folder.display());
+    Ok(())
+}
+
+fn job(args: &Args) -> Job {
+    let defaults = AtlasOptions::default();
+    Job {
+        atlas: AtlasOptions {
+            texels: args.texels.unwrap_or(defaults.texels),
+            max_density: if args.texels.is_some() {
+                f32::MAX
+            } else {
+                defaults.max_density
+            },
+            ..defaults
+        },
+        options: Options {
+            quality: args.quality,
+            ..Options::default()
+        },
+        ..Job::default()
+    }
+}

@@ -1,0 +1,278 @@
+//! The scene as the device draws it: vertices with all that surfaces are looked up by, in parts that objects share.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Affine3A, Mat4, Vec2, Vec3};
+
+use crate::gpu::{Buffer, Gpu, Result, Sides};
+use crate::lightmap::{Atlas, UvLayout};
+use crate::scene::{AlphaMode, Bounds, Mesh, Scene, TextureRef};
+
+/// As in `view_scene.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(super) struct Vertex {
+    pub(super) position: [f32; 3],
+    pub(super) normal: [f32; 3],
+    pub(super) color_uv: [f32; 2],
+    pub(super) emission_uv: [f32; 2],
+    pub(super) light_uv: [f32; 2],
+}
+
+/// An object in its place: as in `view_scene.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(super) struct Placed {
+    pub(super) columns: [[f32; 3]; 4],
+    pub(super) origin: [f32; 2],
+    pub(super) page: f32,
+}
+
+/// A material: as in `view_scene.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(super) struct Surface {
+    pub(super) color: [f32; 3],
+    pub(super) alpha: f32,
+    pub(super) emission: [f32; 3],
+    pub(super) cutoff: f32,
+}
+
+/// A mesh in one layout, on the device.
+pub(super) struct Part {
+    pub vertices: Buffer,
+    pub indices: Buffer,
+    /// Material, range of indices.
+    runs: Vec<(u32, Range<u32>)>,
+    /// Object space.
+    bounds: Bounds,
+    /// What it was made from stays alive, so that its address names it.
+    _mesh: Arc<Mesh>,
+    _layout: Option<Arc<UvLayout>>,
+}
+
+/// A draw call.
+pub(super) struct Draw {
+    pub part: Arc<Part>,
+    pub object: u32,
+    pub material: u32,
+    pub indices: Range<u32>,
+    pub sides: Sides,
+}
+
+/// All that is drawn of a scene.
+#[derive(Default)]
+pub(super) struct Geometry {
+    parts: BTreeMap<(usize, usize), Arc<Part>>,
+    /// By material, so that images are bound seldom.
+    pub draws: Vec<Draw>,
+    pub placed: Vec<Placed>,
+    pub surfaces: Vec<Surface>,
+    /// World space, by object.
+    pub bounds: Vec<Bounds>,
+}
+
+impl Geometry {
+    /// Follows the scene; parts that are known are kept. Without an atlas nothing can be lit.
+    pub(super) fn update(&mut self, gpu: &Gpu, scene: &Scene, atlas: Option<&Atlas>) -> Result<()> {
+        let mut parts = BTreeMap::new();
+        self.draws.clear();
+        self.placed.clear();
+        self.bounds.clear();
+        for (o, object) in (0u32..).zip(&scene.objects) {
+            let mesh = &scene.meshes[object.mesh as usize];
+            let place = atlas.and_then(|a| a.objects.get(o as usize));
+            self.placed.push(Placed {
+                origin: place.map_or([0.0; 2], |p| p.origin.as_vec2().to_array()),
+                page: place.map_or(0.0, |p| p.page as f32),
+                ..Placed::default().at(&object.transform)
+            });
+            if scene.is_gone(o) {
+                self.bounds.push(Bounds::EMPTY);
+                continue;
+            }
+            let layout = place.map(|p| &p.layout).filter(|l| !l.triangles.is_empty());
+            let key = (
+                Arc::as_ptr(mesh) as usize,
+                layout.map_or(0, |l| Arc::as_ptr(l) as usize),
+            );
+            let part = match parts.get(&key).or_else(|| self.parts.get(&key)) {
+                Some(part) => Arc::clone(part),
+                None => Arc::new(Part::new(gpu, scene, mesh, layout)?),
+            };
+            self.bounds.push(moved(&part.bounds, &object.transform));
+            for (material, indices) in &part.runs {
+                let sides = match scene.materials[*material as usize].double_sided {
+                    true => Sides::Both,
+                    false if scene.mirrored(o) => Sides::Back,
+                    false => Sides::Front,
+                };
+                self.draws.push(Draw {
+                    sides,
+                    part: Arc::clone(&part),
+                    object: o,
+                    material: *material,
+                    indices: indices.clone(),
+                });
+            }
+            parts.insert(key, part);
+        }
+        self.parts = parts;
+        self.draws.sort_by_key(|d| d.material);
+        self.surfaces = scene
+            .materials
+            .iter()
+            .map(|m| Surface {
+                color: m.base_color.truncate().to_array(),
+                alpha: m.base_color.w,
+                emission: m.emission.to_array(),
+                cutoff: match m.alpha {
+                    AlphaMode::Opaque => 0.0,
+                    AlphaMode::Mask { cutoff } => cutoff,
+                },
+            })
+            .collect();
+        Ok(())
+    }
+
+    /// Whether any of an object may be seen.
+    pub(super) fn sees(&self, object: u32, clip: &Mat4) -> bool {
+        let b = &self.bounds[object as usize];
+        let corners = (0..8).map(|i| {
+            let pick = |axis: usize| {
+                if i >> axis & 1 == 0 {
+                    b.min[axis]
+                } else {
+                    b.max[axis]
+                }
+            };
+            *clip * Vec3::new(pick(0), pick(1), pick(2)).extend(1.0)
+        });
+        // Outside of one plane with all corners: not seen. (Infinitely far is not too far.)
+        let mut outside = [true; 5];
+        for c in corners {
+            let inside = [c.x > -c.w, c.x < c.w, c.y > -c.w, c.y < c.w, c.z < c.w];
+            for (outside, inside) in outside.iter_mut().zip(inside) {
+                *outside &= !inside;
+            }
+        }
+        !outside.contains(&true)
+    }
+}
+
+impl Placed {
+    fn at(self, transform: &Affine3A) -> Self {
+        Self {
+            columns: transform.to_cols_array_2d(),
+            ..self
+        }
+    }
+}
+
+impl Part {
+    fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        mesh: &Arc<Mesh>,
+        layout: Option<&Arc<UvLayout>>,
+    ) -> Result<Self> {
+        let normals = normals(mesh);
+        let uvs: Vec<[[f32; 2]; 2]> = uvs(scene, mesh);
+        let vertex = |source: usize, light: Vec2| Vertex {
+            position: mesh.positions[source].to_array(),
+            normal: normals[source].to_array(),
+            color_uv: uvs[source][0],
+            emission_uv: uvs[source][1],
+            light_uv: light.to_array(),
+        };
+        let (vertices, triangles): (Vec<Vertex>, &[[u32; 3]]) = match layout {
+            Some(layout) => (
+                layout
+                    .vertices
+                    .iter()
+                    .map(|v| vertex(v.source as usize, v.uv))
+                    .collect(),
+                &layout.triangles,
+            ),
+            None => (
+                (0..mesh.positions.len())
+                    .map(|i| vertex(i, Vec2::ZERO))
+                    .collect(),
+                &mesh.triangles,
+            ),
+        };
+        let name = &mesh.name;
+        Ok(Self {
+            vertices: gpu.buffer_with(&format!("vertices of {name}"), &vertices)?,
+            indices: gpu.buffer_with(&format!("indices of {name}"), triangles.as_flattened())?,
+            runs: mesh
+                .primitives
+                .iter()
+                .filter(|p| !p.triangles.is_empty())
+                .map(|p| (p.material, p.triangles.start * 3..p.triangles.end * 3))
+                .collect(),
+            bounds: mesh.positions.iter().fold(Bounds::EMPTY, |b, p| b.with(*p)),
+            _mesh: Arc::clone(mesh),
+            _layout: layout.cloned(),
+        })
+    }
+}
+
+/// Vertex normals; where the file gives none, those of the triangles around.
+fn normals(mesh: &Mesh) -> Vec<Vec3> {
+    let mut normals = mesh.normals.clone();
+    normals.resize(mesh.positions.len(), Vec3::ZERO);
+    let missing: Vec<bool> = normals.iter().map(|n| *n == Vec3::ZERO).collect();
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+        let face = (b - a).cross(c - a);
+        for v in t.map(|v| v as usize).into_iter().filter(|v| missing[*v]) {
+            normals[v] += face;
+        }
+    }
+    normals
+        .iter()
+        .map(|n| n.try_normalize().unwrap_or(Vec3::Y))
+        .collect()
+}
+
+/// By vertex, where its material's colour and emission are looked up.
+fn uvs(scene: &Scene, mesh: &Mesh) -> Vec<[[f32; 2]; 2]> {
+    let mut uvs = vec![[[0.0; 2]; 2]; mesh.positions.len()];
+    for primitive in &mesh.primitives {
+        let material = &scene.materials[primitive.material as usize];
+        let look_up = |texture: &Option<TextureRef>, vertex: usize| {
+            let Some(texture) = texture else {
+                return [0.0; 2];
+            };
+            let set = &mesh.texcoords[texture.texcoord as usize];
+            let uv = set.get(vertex).copied().unwrap_or_default();
+            texture.transform.transform_point2(uv).to_array()
+        };
+        let range = primitive.vertices.start as usize..primitive.vertices.end as usize;
+        for (v, uv) in range.clone().zip(&mut uvs[range]) {
+            *uv = [
+                look_up(&material.base_color_texture, v),
+                look_up(&material.emission_texture, v),
+            ];
+        }
+    }
+    uvs
+}
+
+/// A box around a box that is moved.
+fn moved(bounds: &Bounds, transform: &Affine3A) -> Bounds {
+    (0..8).fold(Bounds::EMPTY, |all, i| {
+        let pick = |axis: usize| {
+            if i >> axis & 1 == 0 {
+                bounds.min[axis]
+            } else {
+                bounds.max[axis]
+            }
+        };
+        all.with(transform.transform_point3(Vec3::new(pick(0), pick(1), pick(2))))
+    })
+}

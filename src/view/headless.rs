@@ -1,0 +1,284 @@
+//! Pictures without a window: a script of edits, cameras and frames, played to PNG files.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::ViewError;
+use super::camera::{FOV_Y, Pose};
+use super::display::{Display, Look, Shot};
+use super::resolve::Pages;
+use super::script::{Line, View};
+use crate::bake::{Baker, Limit};
+use crate::gpu::{Format, Gpu, Image, ImageOptions};
+use crate::lightmap::viewpoint;
+use crate::scene::edit::{Command, Until};
+
+/// What headless pictures are to be.
+#[derive(Clone, Debug)]
+pub struct HeadlessOptions {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Time for updates after each picture.
+    pub frame: Duration,
+    /// Where `frame_00000.png` and so on go.
+    pub folder: PathBuf,
+}
+
+/// Seconds between two pictures of a film: exposure follows the light at that pace.
+const FILM_STEP: f32 = 1.0 / 30.0;
+
+/// Plays scripts.
+pub struct Headless<'a> {
+    baker: &'a mut Baker,
+    pages: Pages,
+    display: Display,
+    target: Image,
+    shot: Shot,
+    options: HeadlessOptions,
+    /// The map has been worked on since the pages were brought up to date.
+    stale: bool,
+    /// The scene has changed since the display was told.
+    changed: bool,
+    scale: Option<[f32; 2]>,
+    frames: u32,
+}
+
+impl<'a> Headless<'a> {
+    /// Stands at the file's first camera, or where much of the scene is seen.
+    ///
+    /// # Errors
+    /// No memory, a lost device, a folder that cannot be made.
+    pub fn new(
+        gpu: &Gpu,
+        baker: &'a mut Baker,
+        options: HeadlessOptions,
+    ) -> Result<Self, ViewError> {
+        std::fs::create_dir_all(&options.folder).map_err(|cause| ViewError::Write {
+            path: options.folder.clone(),
+            cause,
+        })?;
+        let pages = Pages::new(gpu)?;
+        let display = Display::new(gpu, pages.view())?;
+        let target = gpu.image(
+            "frame",
+            &ImageOptions {
+                size: options.size,
+                layers: 1,
+                mips: false,
+                samples: 1,
+                format: Format::Rgba8,
+            },
+        )?;
+        let pose = first_pose(baker.scene());
+        Ok(Self {
+            baker,
+            shot: Shot {
+                pose,
+                look: Look::Lit,
+                scale: pages.scale(),
+            },
+            pages,
+            display,
+            target,
+            options,
+            stale: true,
+            changed: true,
+            scale: None,
+            frames: 0,
+        })
+    }
+
+    /// Plays a script; `folder` is where files that edits add are looked up. Returns the number of pictures.
+    ///
+    /// # Errors
+    /// The first line that is refused, with its number; a picture that cannot be written.
+    pub fn play(&mut self, script: &[(usize, Line)], folder: &Path) -> Result<u32, ViewError> {
+        for (line, what) in script {
+            let done = match what {
+                Line::Command(command) => self.command(command, folder),
+                Line::View(view) => self.view(view),
+            };
+            done.map_err(|cause| ViewError::Line {
+                line: *line,
+                cause: Box::new(cause),
+            })?;
+        }
+        Ok(self.frames)
+    }
+
+    fn command(&mut self, command: &Command, folder: &Path) -> Result<(), ViewError> {
+        match command {
+            Command::Edit(edit) => self.baker.apply(edit, folder)?,
+            Command::Undo => self.baker.undo()?,
+            Command::Redo => self.baker.redo()?,
+            Command::Wait(until) => {
+                match until {
+                    Until::Converged => {
+                        // Eyes have had the time to get used to it.
+                        self.display.exposure.reset();
+                        self.baker.step(Limit::Converged)?
+                    }
+                    Until::Updates(n) => self.baker.step(Limit::Updates(*n))?,
+                    Until::Seconds(s) => {
+                        self.baker.step(Limit::Time(Duration::from_secs_f64(*s)))?
+                    }
+                };
+                self.stale = true;
+                return Ok(());
+            }
+        }
+        (self.stale, self.changed) = (true, true);
+        Ok(())
+    }
+
+    fn view(&mut self, view: &View) -> Result<(), ViewError> {
+        match view {
+            View::Camera {
+                position,
+                target,
+                fov,
+                name,
+                frames,
+            } => {
+                let from = self.shot.pose;
+                let to = self.pose(*position, *target, *fov, name.as_deref())?;
+                for frame in 1..=*frames {
+                    self.shot.pose = from.towards(&to, frame as f32 / *frames as f32);
+                    self.frame()?;
+                    self.advance(None)?;
+                }
+                if *frames == 0 {
+                    self.display.exposure.reset();
+                }
+                self.shot.pose = to;
+            }
+            View::Frame { count, updates } => {
+                for _ in 0..*count {
+                    self.frame()?;
+                    self.advance(*updates)?;
+                }
+            }
+            View::Look { look, scale } => {
+                self.shot.look = *look;
+                self.scale = *scale;
+            }
+            View::Exposure { ev, compensation } => {
+                self.display.exposure.ev = *ev;
+                self.display.exposure.compensation = *compensation;
+            }
+        }
+        Ok(())
+    }
+
+    fn pose(
+        &self,
+        position: Option<[f32; 3]>,
+        target: Option<[f32; 3]>,
+        fov: Option<f32>,
+        name: Option<&str>,
+    ) -> Result<Pose, ViewError> {
+        let scene = self.baker.scene();
+        let mut pose = self.shot.pose;
+        if let Some(name) = name {
+            let camera = scene.cameras.iter().find(|c| c.name == name);
+            let camera = camera.ok_or_else(|| ViewError::NoCamera {
+                name: name.into(),
+                there: scene.cameras.iter().map(|c| c.name.clone()).collect(),
+            })?;
+            pose = Pose::of(camera, pose.distance);
+        }
+        let at = position.map_or(pose.position, Into::into);
+        let ahead = target.map_or(at + pose.ahead() * pose.distance, Into::into);
+        let fov_y = fov.map_or(pose.fov_y, f32::to_radians);
+        Ok(Pose::looking(at, ahead, fov_y))
+    }
+
+    /// Works on the map between two pictures.
+    fn advance(&mut self, updates: Option<u64>) -> Result<(), ViewError> {
+        let limit = match updates {
+            Some(0) => return Ok(()),
+            Some(n) => Limit::Updates(n),
+            None => Limit::Time(self.options.frame),
+        };
+        if !self.baker.is_converged() {
+            self.baker.step(limit)?;
+            self.stale = true;
+        }
+        Ok(())
+    }
+
+    /// Takes a picture.
+    fn frame(&mut self) -> Result<(), ViewError> {
+        if std::mem::take(&mut self.stale) {
+            if self.baker.is_converged() {
+                let map = self.baker.lightmap()?;
+                self.pages.show(self.baker, &map)?;
+            } else {
+                self.pages.update(self.baker)?;
+            }
+        }
+        if std::mem::take(&mut self.changed) {
+            let atlas = self.baker.atlas();
+            self.display
+                .show(self.baker.scene(), Some(&atlas), &self.pages.view())?;
+        }
+        if !self.display.exposure.is_set() {
+            // The first picture is taken twice: the first time to see how bright it is.
+            self.take(FILM_STEP)?;
+        }
+        self.take(FILM_STEP)?;
+        let pixels = self.target.read::<u8>()?;
+        let path = self
+            .options
+            .folder
+            .join(format!("frame_{:05}.png", self.frames));
+        write_png(&path, self.options.size, &pixels)?;
+        self.frames += 1;
+        Ok(())
+    }
+
+    fn take(&mut self, seconds: f32) -> Result<(), ViewError> {
+        let mut cmd = self.baker.gpu().commands()?;
+        self.shot.scale = self.scale.unwrap_or(self.pages.scale());
+        self.display.record(&mut cmd, &self.target, &self.shot)?;
+        let measured = self.shot.look == Look::Lit && self.display.measure(&mut cmd);
+        cmd.barrier(crate::gpu::Stage::All, crate::gpu::Stage::All);
+        let ticket = cmd.submit()?;
+        if measured {
+            self.display.measured_by(ticket);
+            if let Some(mean) = self.display.take_measurement(true)? {
+                self.display.exposure.follow(mean, seconds);
+            }
+        } else {
+            ticket.wait()?;
+        }
+        Ok(())
+    }
+}
+
+/// The file's first camera, or a place that sees much of the scene.
+pub(super) fn first_pose(scene: &crate::scene::Scene) -> Pose {
+    let distance = 0.3 * scene.bounds().size().length().max(1e-2);
+    match scene.cameras.first() {
+        Some(camera) => Pose::of(camera, distance),
+        None => Pose {
+            fov_y: FOV_Y,
+            ..Pose::of(&viewpoint::choose(scene), distance)
+        },
+    }
+}
+
+/// Writes RGBA bytes as an RGB PNG file.
+pub(super) fn write_png(path: &Path, size: [u32; 2], pixels: &[u8]) -> Result<(), ViewError> {
+    let rgb: Vec<u8> = pixels
+        .chunks_exact(4)
+        .flat_map(|p| [p[0], p[1], p[2]])
+        .collect();
+    let failed = |cause| ViewError::Write {
+        path: path.into(),
+        cause,
+    };
+    let bytes = crate::lightmap::compare::png(&rgb, size[0], size[1])
+        .map_err(|e| failed(std::io::Error::other(e)))?;
+    std::fs::write(path, bytes).map_err(failed)
+}

@@ -1,0 +1,182 @@
+//! From the map's sums to images that can be sampled: what is shown of the map between two of its updates.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::shaders;
+use crate::bake::Baker;
+use crate::gpu::{
+    Address, Buffer, Format, Gpu, Image, ImageOptions, Memory, Pipeline, Result, Stage,
+};
+use crate::lightmap::{Lightmap, Texel};
+
+/// The lightmap's pages as an image array. Bilinear filtering fetches none but listed texels, so nothing is filled around
+/// charts.
+pub struct Pages {
+    gpu: Gpu,
+    pipeline: Pipeline,
+    /// What the image is copied from.
+    staging: Option<Buffer>,
+    image: Arc<Image>,
+    /// Lux per unit of the image: about the mean, so that halves resolve what is dark and hold what is bright.
+    lux: f32,
+}
+
+/// What the display needs to know of the pages.
+#[derive(Clone)]
+pub struct PagesView {
+    pub(super) image: Arc<Image>,
+    pub(super) lux: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Push {
+    sums: Address,
+    texels: Address,
+    pages: Address,
+    first_tile: u32,
+    unit: f32,
+}
+
+/// Workgroups per dispatch, below the guaranteed limit.
+const STRIDE: u32 = 1 << 15;
+
+impl Pages {
+    /// Nothing yet.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self {
+            gpu: gpu.clone(),
+            pipeline: gpu.pipeline(shaders::VIEW_PAGES, &[])?,
+            staging: None,
+            image: Arc::new(image(gpu, 1, 1)?),
+            lux: 1.0,
+        })
+    }
+
+    /// What there is to show: another one after an update only if the number or size of pages has changed.
+    pub fn view(&self) -> PagesView {
+        PagesView {
+            image: Arc::clone(&self.image),
+            lux: self.lux,
+        }
+    }
+
+    /// Lux at both ends of false colours that suit the scene: three decades around its mean, in round numbers.
+    pub fn scale(&self) -> [f32; 2] {
+        [0.03, 30.0].map(|share| round(self.lux * share))
+    }
+
+    /// Brings the images to what the map holds at this moment, in order with what is submitted before and after.
+    pub fn update(&mut self, baker: &Baker) -> Result<()> {
+        self.fit(baker)?;
+        let Some(staging) = &self.staging else {
+            return Ok(());
+        };
+        let map = baker.on_device();
+        let mut cmd = self.gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        cmd.scope("view pages", |cmd| {
+            for range in &map.tiles {
+                for first_tile in range.clone().step_by(STRIDE as usize) {
+                    let tiles = STRIDE.min(range.end - first_tile);
+                    let push = Push {
+                        sums: map.sums.address(),
+                        texels: map.texels.address(),
+                        pages: staging.address(),
+                        first_tile,
+                        unit: (map.unit / f64::from(self.lux)) as f32,
+                    };
+                    cmd.dispatch(&self.pipeline, &push, [tiles * Texel::TILE as u32, 1, 1]);
+                }
+            }
+            cmd.barrier(Stage::Compute, Stage::Transfer);
+            copy(cmd, staging, &self.image);
+        });
+        cmd.barrier(Stage::Transfer, Stage::All);
+        let _in_order = cmd.submit()?;
+        Ok(())
+    }
+
+    /// Shows a finished map, seams matched and gutters filled: just what is written.
+    pub fn show(&mut self, baker: &Baker, map: &Lightmap) -> Result<()> {
+        self.fit(baker)?;
+        let mut cmd = self.gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        let size = [map.page_size; 2];
+        for (layer, page) in (0..).zip(&map.pages) {
+            let pixels: Vec<[half::f16; 4]> = page
+                .iter()
+                .map(|e| {
+                    let half = |v: f32| half::f16::from_f32((v / self.lux).min(65000.0));
+                    [half(e[0]), half(e[1]), half(e[2]), half::f16::ONE]
+                })
+                .collect();
+            let bytes: Vec<u16> = pixels.as_flattened().iter().map(|h| h.to_bits()).collect();
+            cmd.upload_image(&self.image, layer, [0, 0], size, &bytes)?;
+        }
+        cmd.barrier(Stage::Transfer, Stage::All);
+        let _in_order = cmd.submit()?;
+        Ok(())
+    }
+
+    fn fit(&mut self, baker: &Baker) -> Result<()> {
+        let [size, pages] = baker.page_layout();
+        if self.staging.is_some() && self.image.size()[0] == size && self.image.layers() == pages {
+            return Ok(());
+        }
+        let bits = baker.settings().fixed_point_bits;
+        self.lux = ((28 - bits) as f32).exp2();
+        let image = image(&self.gpu, size, pages)?;
+        let bytes = u64::from(pages) * u64::from(size) * u64::from(size) * Format::Rgba16F.bytes();
+        let staging = self.gpu.buffer("pages", bytes, Memory::Device)?;
+        let mut cmd = self.gpu.commands()?;
+        cmd.fill(&staging, 0, bytes, 0);
+        let _in_order = cmd.submit()?;
+        self.image = Arc::new(image);
+        self.staging = Some(staging);
+        Ok(())
+    }
+}
+
+/// The nearest of 1, 2 and 5 times a power of ten.
+fn round(value: f32) -> f32 {
+    let decade = 10f32.powf(value.log10().floor());
+    [1.0, 2.0, 5.0, 10.0]
+        .map(|step| step * decade)
+        .into_iter()
+        .min_by(|a, b| (a / value).ln().abs().total_cmp(&(b / value).ln().abs()))
+        .unwrap_or(value)
+}
+
+fn copy(cmd: &mut crate::gpu::Commands, from: &Buffer, to: &Image) {
+    let size = to.size();
+    let bytes = u64::from(size[0]) * u64::from(size[1]) * to.format().bytes();
+    for layer in 0..to.layers() {
+        cmd.copy_to_image(from, u64::from(layer) * bytes, to, layer, [0, 0], size);
+    }
+}
+
+fn image(gpu: &Gpu, size: u32, pages: u32) -> Result<Image> {
+    let options = ImageOptions {
+        size: [size; 2],
+        layers: pages.max(1),
+        mips: false,
+        samples: 1,
+        format: Format::Rgba16F,
+    };
+    gpu.image("lightmap pages", &options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_end_in_round_numbers() {
+        for (value, rounded) in [(1.2, 1.0), (0.0026, 0.002), (6.0, 5.0), (88.0, 100.0)] {
+            assert!((round(value) / rounded - 1.0).abs() < 1e-5, "{value}");
+        }
+    }
+}
