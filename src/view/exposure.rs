@@ -8,6 +8,8 @@ const KEY: f32 = 0.14;
 const EV_ZERO: f32 = 0.125;
 /// Share of the way to what is measured that exposure goes in a second.
 const SPEED: f32 = 0.97;
+/// Stops that exposure may be off by.
+const STILL: f32 = 0.02;
 
 /// What exposure follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +56,8 @@ impl Exposure {
     pub fn follow(&mut self, mean: f32, seconds: f32) {
         let share = 1.0 - (1.0 - SPEED).powf(seconds);
         self.mean = Some(match self.mean {
+            // Nobody sees so little; and a picture that does not change stays just as it is.
+            Some(old) if (mean / old).log2().abs() < STILL => old,
             // In stops, as eyes and films do.
             Some(old) => (old.log2() + (mean.log2() - old.log2()) * share).exp2(),
             None => mean,

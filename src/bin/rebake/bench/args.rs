@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rebake::bake::Quality;
 
-use crate::args::count;
+use crate::values::count;
 
 #[derive(clap::Args)]
 pub struct Bench {
