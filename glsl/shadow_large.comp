@@ -34,13 +34,17 @@ void main() {
     uint base = view.offset + face_offset(face, view.size);
 
     float first = 0.0, last = float(height - 1);
+    float origin = side ? 0.0 : 1.0;
+    // Parts are counted from the triangle's own first row.
+    vec4 asked = scissor(view, face);
+    float from = ceil((asked.y + origin) * half_size - 0.5), to = floor((asked.w + origin) * half_size - 0.5);
     if (s.bounded) {
-        float origin = side ? 0.0 : 1.0;
         first = max(first, ceil((s.low.y + origin) * half_size - 0.5));
         last = min(last, floor((s.high.y + origin) * half_size - 0.5));
     }
     first += float((entry.y >> 9) * LARGE_ROWS);
-    last = min(last, first + float(LARGE_ROWS - 1));
+    last = min(min(last, first + float(LARGE_ROWS - 1)), to);
+    first = max(first, from);
     Cutout cutout;
     CutoutPlanes planes;
     if (MASKED) {
@@ -49,7 +53,7 @@ void main() {
     }
     for (float j = first + float(gl_LocalInvocationIndex); j <= last; j += float(gl_WorkGroupSize.x)) {
         float t = row_center(uint(j), view.size, side);
-        float low = -1.0, high = 1.0;
+        float low = max(-1.0, asked.x), high = min(1.0, asked.z);
         [[unroll]] for (uint k = 0; k < 3; ++k) {
             float slope = s.edge[k].x;
             float rest = s.edge[k].y * t + s.edge[k].z;

@@ -14,6 +14,24 @@ Face face_axes(uint face, vec3 x, vec3 y, vec3 z) {
     return Face(x, z, -y);
 }
 
+// What of a face a limited view asks for: the rectangle around its cone, or its own, in the face's (s, t); low, then high.
+vec4 scissor(View view, uint face) {
+    vec4 limit = view.limit;
+    if (view.kind == VIEW_ORTHOGRAPHIC) return vec4(limit.xy - limit.zw, limit.xy + limit.zw);
+    vec4 all = vec4(-1.0, -1.0, 1.0, 1.0);
+    if (limit.w > 1.5) return all;
+    Face f = face_axes(face, view.x, view.y, view.z);
+    vec3 axis = vec3(dot(f.u, limit.xyz), dot(f.v, limit.xyz), dot(f.w, limit.xyz));
+    float sine = sin(limit.w);
+    float depth = axis.z * axis.z - sine * sine;
+    // The cone reaches behind the face's plane.
+    if (axis.z <= sine || depth < 1e-4) return all;
+    vec2 middle = axis.xy * axis.z / depth;
+    vec2 reach = sine * sqrt(axis.xy * axis.xy + depth) / depth;
+    vec2 slack = 1e-3 * (1.0 + abs(middle) + reach);
+    return vec4(middle - reach - slack, middle + reach + slack);
+}
+
 // Rows of pixels of a face, and where it starts.
 uint face_height(uint face, uint size) {
     return face == 0 ? size : size / 2;

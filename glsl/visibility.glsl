@@ -84,6 +84,7 @@ float visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, fl
     return near > 1.0 + bias ? 0.0 : 1.0;
 }
 
+const float SOFT_FURTHEST = 2.0;
 const uint SEARCH_TAPS = 5;
 const uint FILTER_TAPS = 8;
 const vec2 SEARCH[SEARCH_TAPS] = vec2[](vec2(0.0), vec2(0.65, 0.25), vec2(-0.25, 0.65), vec2(-0.65, -0.25), vec2(0.25, -0.65));
@@ -106,7 +107,8 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
     vec3 b = cross(d, t) / max(distance, 1e-20);
     vec3 local = to_local(view, d);
     vec3 local_n = to_local(view, n);
-    float limit = limit_of(view, clearance, d);
+    // What lies further away than twice the receiver does not matter: the host draws no more for a receiver's taps.
+    float limit = min(limit_of(view, clearance, d), SOFT_FURTHEST * distance);
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 

@@ -8,7 +8,9 @@
 //!           |                  |
 //!           v                  |
 //!    lights -> paths -> VPLs -> octree -> selected cells -> virtual lights     how light travels, and what stands for it
-//!                                               |
+//!           ^                                   |               |
+//!         edits -> validation -> invalid flux -> schedule -> update {subtract, add}
+//!                                                               |
 //!                         [cube shadow -> accumulate]* -> resolve -> EXR + glTF | viewer
 //! ```
 

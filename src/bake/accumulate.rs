@@ -108,6 +108,11 @@ impl AccumulatePass {
         8.0 * self.evaluation.epsilon
     }
 
+    /// Half a texel, metres.
+    pub(super) fn epsilon(&self) -> f32 {
+        self.evaluation.epsilon
+    }
+
     pub(super) fn new(gpu: &Gpu, receivers: &Receivers, evaluation: Evaluation) -> Result<Self> {
         let tiles = u64::from(receivers.texel_tiles());
         let sums = gpu.buffer(

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::accumulate::Evaluation;
+use super::brightness::Brightness;
 use super::clearance::Clearances;
-use super::enclosed::enclosed;
 use super::journal::Journal;
 use super::progress::{Stage, Stages};
 use super::records::ShadowSizes;
@@ -18,9 +18,9 @@ use super::update::Illumination;
 use super::uv_raster;
 use crate::cluster::{Budget, CellId, Clusters, Ledger, SimilaritySettings, Wanted};
 use crate::gpu::{Gpu, GpuError};
+use crate::lightmap::Atlas;
 use crate::lightmap::detail::{Point, Probe};
-use crate::lightmap::texels::{ClaimStatistics, Texels};
-use crate::lightmap::{Atlas, Lightmap, Texel};
+use crate::lightmap::texels::{ClaimStatistics, Claims, Texels};
 use crate::scene::edit::{Change, Edit, Editor};
 use crate::scene::{Document, Scene};
 use crate::transport::SceneBvh;
@@ -66,7 +66,8 @@ pub struct Baker {
     pub(super) atlas: Atlas,
     pub(super) texels: Texels,
     clearances: Clearances,
-    pub(super) claims: ClaimStatistics,
+    /// Who owns texels, by object.
+    pub(super) claims: Vec<ClaimStatistics>,
     pub(super) bvh: SceneBvh,
     pub(super) validator: Validator,
     pub(super) clusters: Clusters,
@@ -82,6 +83,7 @@ pub struct Baker {
     pub(super) illumination: Illumination,
     pub(super) journal: Journal,
     pub(super) ledger: Ledger,
+    pub(super) brightness: Brightness,
     pub(super) priority: Priority,
 }
 
@@ -155,7 +157,8 @@ impl Baker {
             empty_map(gpu, &scene, &texels, &settings, atlas.density)
         })?;
         let ledger = Ledger::new(&clusters);
-        Ok(Self {
+        let objects: Vec<u32> = (0..atlas.objects.len() as u32).collect();
+        let mut baker = Self {
             gpu: gpu.clone(),
             target: budget(&settings),
             editor,
@@ -163,7 +166,7 @@ impl Baker {
             atlas,
             texels,
             clearances,
-            claims: claims.statistics,
+            claims: Vec::new(),
             bvh,
             validator,
             clusters,
@@ -176,8 +179,11 @@ impl Baker {
             illumination,
             journal: Journal::default(),
             ledger,
+            brightness: Brightness::default(),
             priority: Priority::default(),
-        })
+        };
+        baker.count_claims(&claims, &objects);
+        Ok(baker)
     }
 
     /// The scene as it is now, objects that are gone included.
@@ -254,8 +260,17 @@ impl Baker {
         if !new.is_empty() {
             let claims = uv_raster::rasterize_objects(&self.gpu, &self.atlas, &new)?;
             self.texels.extend(&scene, &self.atlas, &claims, &new);
+            self.count_claims(&claims, &new);
         }
         Ok(())
+    }
+
+    fn count_claims(&mut self, claims: &Claims, objects: &[u32]) {
+        let all = self.claims.len().max(self.atlas.objects.len());
+        self.claims.resize(all, ClaimStatistics::default());
+        for &object in objects {
+            self.claims[object as usize] = claims.of_object(&self.atlas, object);
+        }
     }
 
     /// Takes a change of the scene in: everything that it makes wrong is known to be wrong from here on.
@@ -305,6 +320,7 @@ impl Baker {
         self.ledger = Ledger::new(&self.clusters);
         self.plan = Plan::default();
         self.settled = false;
+        self.edited = false;
         Ok(())
     }
 
@@ -353,52 +369,6 @@ impl Baker {
             &self.settings,
             self.atlas.density,
         )
-    }
-
-    /// Tiles of the objects that are there, in the objects' order: as a fresh bake lists them.
-    pub(super) fn live_tiles(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        let scene = self.editor.scene();
-        (0u32..)
-            .zip(&self.texels.tiles)
-            .filter(|(o, _)| (*o as usize) < scene.objects.len() && !scene.is_gone(*o))
-            .map(|(_, t)| t.start as usize * Texel::TILE..t.end as usize * Texel::TILE)
-    }
-
-    /// Texels of the objects that are there.
-    pub(super) fn lit_texels(&self) -> u64 {
-        let lit = |t: &&Texel| t.pixel != Texel::NONE;
-        let of = |range: std::ops::Range<usize>| {
-            self.texels.list[range].iter().filter(lit).count() as u64
-        };
-        self.live_tiles().map(of).sum()
-    }
-
-    /// Waits, then resolves what the map holds at this moment.
-    ///
-    /// # Errors
-    /// No memory, a lost device.
-    pub fn lightmap(&mut self) -> Result<Lightmap, GpuError> {
-        let scene = self.editor.scene().clone();
-        let irradiance = self.illumination.irradiance()?;
-        // In the objects' order, without what is gone: as a fresh bake lists them.
-        let mut shown = Texels::default();
-        let mut values = Vec::new();
-        for range in self.live_tiles() {
-            shown.list.extend(&self.texels.list[range.clone()]);
-            values.extend(&irradiance[range]);
-        }
-        let enclosed = enclosed(&scene, &self.bvh, &shown.list);
-        for (value, enclosed) in values.iter_mut().zip(enclosed) {
-            if enclosed {
-                *value = [0.0; 3];
-            }
-        }
-        Ok(crate::lightmap::resolve::resolve(
-            &scene,
-            &self.atlas(),
-            &shown,
-            &values,
-        ))
     }
 }
 

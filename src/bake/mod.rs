@@ -2,13 +2,17 @@
 
 mod accumulate;
 mod baker;
+mod brightness;
 mod clearance;
+mod convergence;
 mod cutout;
 mod enclosed;
+mod estimate;
 mod journal;
 mod list;
 mod occluders;
 mod on_device;
+mod outcome;
 mod place;
 mod pool;
 mod progress;
@@ -27,8 +31,10 @@ mod step;
 mod update;
 pub mod uv_raster;
 mod versions;
+mod viewport;
 
 pub use baker::{Baker, TURNS_AT};
+pub use convergence::Moment;
 pub use journal::Entry;
 pub use occluders::Occluders;
 pub use on_device::OnDevice;

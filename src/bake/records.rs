@@ -176,6 +176,9 @@ pub(super) struct Surroundings<'a> {
 /// Pixels beside its own direction that a receiver is looked up at, at most: it is lifted by less than one, and a pixel
 /// stands for all directions through it.
 const LOOKUP: f32 = 3.0;
+/// How far from its own ray a receiver is looked up for a soft shadow, in radii of the emitter: its widest tap at the widest
+/// penumbra (the shader's `soft_visibility`: 2 * 0.79), and a little.
+const WIDEST_TAP: f32 = 1.7;
 
 /// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer.
 pub(super) fn record(
@@ -207,17 +210,11 @@ pub(super) fn record(
         ..Light::zeroed()
     };
     // Lookups that see what changed lie around the regions, and what is blended with them beside them; elsewhere both
-    // versions see the same, whether it is all drawn or not. Lookups for wide emitters lie anywhere.
-    let whole = around.version == around.other || (around.soft && wide(light));
-    let limit = if whole {
+    // versions see the same, whether it is all drawn or not.
+    let limit = if around.version == around.other {
         NO_LIMIT
     } else {
-        cone(
-            light.position,
-            around.regions,
-            around.moved,
-            2.0 * LOOKUP * 2.0 / size as f32,
-        )
+        cone(light, around, 2.0 * LOOKUP * 2.0 / size as f32)
     };
     let mut hemicube = |pole: Vec3, cos_cone: f32| {
         let (x, y) = pole.any_orthonormal_pair();
@@ -245,10 +242,7 @@ pub(super) fn record(
             out.area = polygon_area(vertices);
             let center = vertices.iter().sum::<Vec3>() / vertices.len() as f32;
             out.position = center.to_array();
-            out.radius = vertices
-                .iter()
-                .map(|v| v.distance(center))
-                .fold(0.0, f32::max);
+            out.radius = radius(light);
             hemicube(light.normal, 0.0);
         }
         Shape::Disk { area } => {
@@ -286,37 +280,106 @@ pub(super) fn record(
 /// Neither cone nor rectangle.
 const NO_LIMIT: [f32; 4] = [0.0, 0.0, f32::INFINITY, f32::INFINITY];
 
-/// Whether soft shadows look up depth maps further from a receiver than a few pixels.
-fn wide(light: &VirtualLight) -> bool {
-    match light.shape {
-        Shape::Point | Shape::Spot { .. } | Shape::Directional { .. } => false,
-        Shape::Polygon { .. } | Shape::Disk { .. } => true,
+/// The radius of a polygon's circumcircle around its centre; other lights cast the shadows of points.
+fn radius(light: &VirtualLight) -> f32 {
+    match &light.shape {
+        Shape::Polygon { vertices } => {
+            let center = vertices.iter().sum::<Vec3>() / vertices.len() as f32;
+            let far = vertices.iter().map(|v| v.distance(center));
+            far.fold(0.0, f32::max)
+        }
+        _ => 0.0,
     }
 }
 
-/// The cone from `origin` that holds the regions, widened by `moved` metres and `margin` radians: axis, and angle from it.
-/// Without limit where the origin lies among them.
-fn cone(origin: Vec3, regions: &[Region], moved: f32, margin: f32) -> [f32; 4] {
-    let spheres = regions.iter().map(|r| {
-        let radius = Vec3::from(r.extent).length() + moved;
-        (Vec3::from(r.center) - origin, radius)
+/// How far receivers in a region may be moved before they are looked up: those within half a texel of an emitter's plane are.
+fn moved(light: &VirtualLight, around: &Surroundings, region: &Region) -> f32 {
+    let center = match &light.shape {
+        Shape::Polygon { vertices } => vertices.iter().sum::<Vec3>() / vertices.len() as f32,
+        Shape::Disk { .. } => light.position,
+        _ => return 0.0,
+    };
+    let way = Vec3::from(region.center) - center;
+    let reach = light.normal.abs().dot(Vec3::from(region.extent));
+    // Half a texel is an eighth of the furthest move.
+    let near = light.normal.dot(way).abs() <= reach + around.moved / 4.0 + 1e-4 * way.length();
+    if near { around.moved } else { 0.0 }
+}
+
+/// The cone from a light that holds all lookups of receivers some of whose lookups can see the regions: axis, and angle
+/// from it. `margin`: of a lookup with one tap, radians. Without limit where the light lies among the regions.
+///
+/// What changed is no nearer than its region, and hides nothing of what is nearer than half of that (the shader's
+/// `soft_visibility`). So the taps of a receiver to which a region matters lie no further from each other than twice the widest
+/// tap's angle at half the region's distance.
+fn cone(light: &VirtualLight, around: &Surroundings, margin: f32) -> [f32; 4] {
+    let origin = light.position;
+    let radius = if around.soft { radius(light) } else { 0.0 };
+    let spheres = around.regions.iter().map(|r| {
+        let (center, extent) = (Vec3::from(r.center), Vec3::from(r.extent));
+        let moved = moved(light, around, r);
+        let nearest = ((origin - center).abs() - extent).max(Vec3::ZERO).length() - moved;
+        let taps = if nearest > 0.0 {
+            2.0 * (WIDEST_TAP * radius / (0.5 * nearest)).atan()
+        } else {
+            f32::INFINITY
+        };
+        (center - origin, extent.length() + moved, taps)
     });
     let axis = spheres
         .clone()
-        .map(|(way, _)| way.normalize_or_zero())
+        .map(|(way, ..)| way.normalize_or_zero())
         .sum::<Vec3>()
         .normalize_or(Vec3::Z);
     let angle = spheres
-        .map(|(way, radius)| {
+        .map(|(way, sphere, taps)| {
             let distance = way.length();
-            if distance > radius {
-                way.angle_between(axis) + (radius / distance).asin()
+            if distance > sphere {
+                way.angle_between(axis) + (sphere / distance).asin() + taps
             } else {
                 f32::INFINITY
             }
         })
         .fold(0.0, f32::max);
     [axis.x, axis.y, axis.z, angle + margin]
+}
+
+/// Whether nothing in the regions can receive a light's light or stand in its way: all of them lie behind it, or outside of its
+/// cone, by more than its lookups reach. `epsilon`: half a texel, metres.
+pub(super) fn misses(
+    light: &VirtualLight,
+    sizes: &ShadowSizes,
+    regions: &[Region],
+    epsilon: f32,
+) -> bool {
+    let size = if light.direct {
+        sizes.direct
+    } else {
+        sizes.indirect
+    };
+    let slack = 2.0 * epsilon;
+    // The view looks from the position, a polygon's plane is its vertices'.
+    let behind = |from: Vec3| {
+        regions.iter().all(|r| {
+            let reach = light.normal.abs().dot(Vec3::from(r.extent)) + slack;
+            let away = light.normal.dot(Vec3::from(r.center) - from);
+            away + reach + 1e-4 * from.distance(Vec3::from(r.center)) < 0.0
+        })
+    };
+    match &light.shape {
+        Shape::Polygon { vertices } => {
+            behind(light.position) && vertices.iter().all(|v| behind(*v))
+        }
+        Shape::Disk { .. } => behind(light.position),
+        Shape::Spot { outer, .. } => regions.iter().all(|r| {
+            let way = Vec3::from(r.center) - light.position;
+            let sphere = Vec3::from(r.extent).length() + slack;
+            let margin = 2.0 * LOOKUP * 2.0 / size as f32 + 1e-3;
+            sphere < way.length()
+                && way.angle_between(light.normal) > outer + (sphere / way.length()).asin() + margin
+        }),
+        Shape::Point | Shape::Directional { .. } => false,
+    }
 }
 
 /// The rectangle of an orthographic map that holds the regions, a few pixels wider: centre and half size, the map being 2

@@ -4,15 +4,12 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::baker::Baker;
-use super::journal::Entry;
 use super::progress::{Listener, Stage};
-use super::residual::Residual;
 use super::run::{BakeError, compare_sums};
 use super::schedule::Kind;
 use super::step::Limit;
-use super::update::{Illumination, Sign};
-use crate::gpu::GpuError;
-use crate::lightmap::Texel;
+use super::update::Sign;
+use crate::scene::Camera;
 use crate::scene::edit::{Command, Until};
 
 /// A line of a script, as it was played.
@@ -49,6 +46,8 @@ pub struct Step {
     pub invalid_flux: f64,
     /// Root mean square difference from the final map over all texels and channels, afterwards, lux.
     pub rms: f64,
+    /// The same over a picture's pixels, what is seen from a camera: 0 if that sees nothing.
+    pub viewport: f64,
 }
 
 /// What a script did.
@@ -58,6 +57,8 @@ pub struct Replay {
     pub script: Vec<Played>,
     /// The difference of the first map from the last one, as [`Step::rms`].
     pub initial_rms: f64,
+    /// As [`Step::viewport`].
+    pub initial_viewport: f64,
     /// The mean of the final map over all texels and channels, lux.
     pub mean: f64,
     /// Update by update.
@@ -72,12 +73,14 @@ pub struct Replay {
 }
 
 /// What to do besides.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct ReplayOptions {
     /// Go on with the next line after one that was refused.
     pub keep_going: bool,
     /// Time for updates between two looks at the map; without it, as much as a line asks for.
     pub frame: Option<Duration>,
+    /// Where the viewport's error is seen from; else from the file's first camera, or from where much of the scene is seen.
+    pub camera: Option<Camera>,
 }
 
 /// A script stopped.
@@ -144,13 +147,15 @@ impl Baker {
         let seconds = start.elapsed().as_secs_f64();
         let lights = self.illumination.lights_sent() - before;
         let entries = self.journal().end();
-        let (initial_rms, mean, steps) = self.convergence(entries).map_err(|e| ScriptError {
+        let walked = self.convergence(entries, options.camera.as_ref());
+        let (initial, mean, steps) = walked.map_err(|e| ScriptError {
             line: last,
             cause: Box::new(e.into()),
         })?;
         Ok(Replay {
             script: played,
-            initial_rms,
+            initial_rms: initial.rms,
+            initial_viewport: initial.viewport,
             mean,
             updates: steps.len() as u64,
             steps,
@@ -200,52 +205,6 @@ impl Baker {
         Ok(updates)
     }
 
-    /// Walks back from the converged map to the first one, update by update, and says how far each was from the end; the
-    /// map is as before afterwards.
-    fn convergence(&mut self, entries: Vec<Entry>) -> Result<(f64, f64, Vec<Step>), GpuError> {
-        let gpu = self.gpu().clone();
-        let live: Vec<std::ops::Range<usize>> = self.live_tiles().collect();
-        let values = 3.0 * live.iter().map(|range| range.len() as f64).sum::<f64>();
-        let map = &mut self.illumination;
-        map.flush()?;
-        let residual = Residual::new(&gpu, map.pass(), map.tiles())?;
-        let irradiance = map.irradiance()?;
-        let mean = live
-            .iter()
-            .flat_map(|range| &irradiance[range.clone()])
-            .map(|e| f64::from(e[0]) + f64::from(e[1]) + f64::from(e[2]))
-            .sum::<f64>()
-            / values.max(1.0);
-        let mut steps = Vec::new();
-        let mut rms = 0.0;
-        for entry in entries.into_iter().rev() {
-            let [subtracted, added, limited] = entry.lights();
-            steps.push(Step {
-                seconds: entry.seconds,
-                kind: entry.kind,
-                cell: entry.cell().map_or_else(String::new, |c| c.to_string()),
-                subtracted,
-                added,
-                limited,
-                invalid_flux: entry.invalid_flux,
-                rms,
-            });
-            take_back(map, &entry)?;
-            map.flush()?;
-            let residuals = residual.measure(&gpu, map.pass())?;
-            let tile = Texel::TILE;
-            let sum: f64 = live
-                .iter()
-                .flat_map(|range| &residuals[range.start / tile..range.end / tile])
-                .map(|r| f64::from(*r))
-                .sum();
-            rms = (sum / values.max(1.0)).sqrt();
-        }
-        residual.restore(&gpu, map.pass())?;
-        steps.reverse();
-        Ok((rms, mean, steps))
-    }
-
     /// Accumulates all lights that the map holds again, from nothing, in the scene as it is, and compares every bit.
     ///
     /// # Errors
@@ -262,24 +221,4 @@ impl Baker {
         let found = self.illumination.sums()?;
         compare_sums(&self.texels, &found, &expected)
     }
-}
-
-/// The reverse of an update.
-fn take_back(map: &mut Illumination, entry: &Entry) -> Result<(), GpuError> {
-    for held in &entry.added {
-        for light in &held.selected.lights {
-            map.push(light.clone(), Sign::Subtract, held.version)?;
-        }
-    }
-    for held in &entry.subtracted {
-        for light in &held.selected.lights {
-            map.push(light.clone(), Sign::Add, held.version)?;
-        }
-    }
-    if let Some(held) = &entry.advanced {
-        for light in &held.selected.lights {
-            map.push_difference(light, entry.version, held.version)?;
-        }
-    }
-    Ok(())
 }

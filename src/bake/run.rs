@@ -1,23 +1,20 @@
 //! The bake from end to end, on one page: what runs when, and what runs beside it.
 
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::baker::Baker;
 use super::progress::{Listener, Stage, Stages};
-use super::report::{AtlasReport, Counts, DeviceReport, FluxReport, Memory, Report, host_peak};
-use super::schedule::Held;
+use super::report::{AtlasReport, Report};
 use super::settings::{Options, Settings};
 use super::shared::TILE;
 use super::step::Limit;
 use super::update::Sign;
-use crate::cluster::{Budget, CellId, Shape};
+use crate::cluster::Budget;
 use crate::gpu::{Gpu, GpuError};
 use crate::lightmap::texels::Texels;
 use crate::lightmap::{AtlasOptions, Lightmap, LightmapError};
 use crate::scene::edit::EditError;
 use crate::scene::{Document, Scene, SceneError};
-use crate::transport::paths::PathSet;
 
 /// What to bake and how.
 #[derive(Clone, Debug, Default)]
@@ -194,94 +191,5 @@ pub(super) fn compare_sums(
             object: texels.list[worst].object,
         }),
         None => Ok(()),
-    }
-}
-
-impl Baker {
-    /// What was baked and how; `seconds` are the caller's to fill in.
-    pub fn report(&self) -> Report {
-        let scene = self.scene();
-        let standing = || (0..scene.objects.len() as u32).filter(|&o| !scene.is_gone(o));
-        let paths = self.validator.paths();
-        let mut counts = Counts {
-            triangles: standing()
-                .map(|o| scene.mesh(o).triangles.len() as u64)
-                .sum(),
-            objects: standing().count() as u64,
-            lights: scene.lights.len() as u64,
-            texels: self.lit_texels(),
-            t_uv: self.claims.t_uv.into(),
-            p_uv: self.claims.p_uv.into(),
-            paths: paths.paths() as u64,
-            vpls: paths.vpls().count() as u64,
-            clusters: self.held.len() as u64,
-            accumulated: self.illumination.lights_sent(),
-            pairs: self.illumination.pairs().clone(),
-            ..Counts::default()
-        };
-        for light in self.held.values().flat_map(|h| &h.selected.lights) {
-            *counts.virtual_lights.entry(light.shape.name()).or_default() += 1;
-        }
-        let gpu = self.gpu();
-        let atlas = self.atlas();
-        Report {
-            generator: concat!("rebake ", env!("CARGO_PKG_VERSION")).into(),
-            semantics: if self.settings().indirect_only {
-                "irradiance in lux, linear Rec. 709, front side, indirect light alone"
-            } else {
-                "irradiance in lux, linear Rec. 709, front side, direct and indirect light"
-            },
-            atlas: AtlasReport {
-                density: atlas.density,
-                page_size: atlas.page_size,
-                pages: atlas.pages,
-                objects: atlas.placements(scene),
-            },
-            device: DeviceReport {
-                name: gpu.info().name.clone(),
-                driver: gpu.info().driver.clone(),
-                threads: rayon::current_num_threads(),
-            },
-            flux: flux(paths, &self.held),
-            counts,
-            settings: self.settings().clone(),
-            estimated_error: self.error(),
-            stopped_early: false,
-            memory: Memory {
-                host_peak: host_peak(),
-                device_peak: gpu.peak_bytes(),
-            },
-            seconds: BTreeMap::new(),
-            total_seconds: 0.0,
-            gpu: gpu.timings(),
-        }
-    }
-}
-
-fn flux(paths: &PathSet, held: &BTreeMap<CellId, Held>) -> FluxReport {
-    let balance = paths.balance();
-    let mean = |v: glam::Vec3| f64::from(v.x) / 3.0 + f64::from(v.y) / 3.0 + f64::from(v.z) / 3.0;
-    let vpls: f64 = paths.vpls().map(|v| mean(v.flux)).sum();
-    let lights = held.values().flat_map(|h| &h.selected.lights);
-    let virtual_lights: f64 = lights.filter(|l| !l.direct).map(|l| mean(l.flux)).sum();
-    FluxReport {
-        balance_error: balance.error(),
-        lost_at_cap_share: balance.lost_at_cap / balance.sent.max(f64::MIN_POSITIVE),
-        clustering_error: (vpls - virtual_lights).abs() / vpls.max(f64::MIN_POSITIVE),
-        vpls,
-        virtual_lights,
-        paths: balance,
-    }
-}
-
-impl Shape {
-    fn name(&self) -> &'static str {
-        match self {
-            Shape::Polygon { .. } => "polygon",
-            Shape::Disk { .. } => "disk",
-            Shape::Point => "point",
-            Shape::Spot { .. } => "spot",
-            Shape::Directional { .. } => "directional",
-        }
     }
 }

@@ -6,9 +6,11 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::brightness::Brightness;
+use super::estimate::{Shining, alone, intercepted, lumens, shining, shown, unlike};
 use super::records::Region;
 use super::versions::Version;
-use crate::cluster::{CellId, Selected, Shape, VirtualLight};
+use crate::cluster::{CellId, Selected, VirtualLight};
 
 /// A cell whose lights are in the map.
 #[derive(Clone, Debug)]
@@ -45,6 +47,8 @@ pub(super) struct Update {
     pub what: What,
     /// Lumens that are wrong until then, estimated.
     pub gain: f64,
+    /// What of it is seen: the norm of the irradiance that is wrong, lux m, estimated. Of balancing, the metric.
+    pub visible: f64,
     /// The share of its cells' flux that these are, at most 1.
     pub invalid: f64,
     /// Evaluations of whole lights, estimated.
@@ -88,6 +92,8 @@ pub enum Priority {
 
 /// What advancing a light costs of evaluating it twice: it is limited to the shadows of what changed.
 const LIMITED: f64 = 0.1;
+/// What a direct light costs of an indirect one: its maps are finer, and its shadows softer.
+const DIRECT: f64 = 4.0;
 /// Of a virtual light that only changed its shape, how much of its flux counts as wrong: its place in the cell is new,
 /// most of what it lights is not.
 const RESHAPED: f64 = 0.1;
@@ -110,7 +116,8 @@ impl Plan {
         for list in [&mut validation, &mut balancing] {
             // The next one is at the end.
             list.reverse();
-            list.sort_by(|a, b| (a.gain * a.gain / a.cost).total_cmp(&(b.gain * b.gain / b.cost)));
+            let worth = |u: &Update| u.visible * u.visible / u.cost;
+            list.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
         }
         Self {
             validation,
@@ -254,44 +261,59 @@ pub(super) fn exchange(
     (subtract, add): (Vec<CellId>, Vec<CellId>),
     held: &BTreeMap<CellId, Held>,
     wanted: &BTreeMap<CellId, Arc<Selected>>,
+    brightness: &Brightness,
     key: impl Fn(&CellId) -> f64,
     ledger: impl Fn(&CellId) -> f64,
 ) -> Update {
-    let old: Vec<&VirtualLight> = subtract
+    let old: Vec<Shining> = subtract
         .iter()
-        .flat_map(|c| &held[c].selected.lights)
+        .flat_map(|c| shining(&held[c].selected, brightness))
         .collect();
-    let new: Vec<&VirtualLight> = add.iter().flat_map(|c| &wanted[c].lights).collect();
+    let new: Vec<Shining> = add
+        .iter()
+        .flat_map(|c| shining(&wanted[c], brightness))
+        .collect();
     let invalid: f64 = subtract.iter().map(ledger).sum();
-    let sum = |lights: &[&VirtualLight]| lights.iter().map(|l| l.flux).sum::<Vec3>();
+    let sum = |lights: &[Shining]| lights.iter().map(|(l, _)| l.flux).sum::<Vec3>();
     let (flux_old, flux_new) = (sum(&old), sum(&new));
-    let share = |l: &&&VirtualLight| if l.direct { 1.0 } else { RESHAPED };
-    let alone = |a: &[&VirtualLight], b: &[&VirtualLight]| -> f64 {
-        let lights = a.iter().filter(|l| !b.contains(l));
-        lights.map(|l| share(&l) * lumens(l.flux)).sum()
+    let (gone, come) = (alone(&old, &new), alone(&new, &old));
+    let moved = |lights: &[Shining]| -> f64 {
+        let share = |l: &VirtualLight| if l.direct { 1.0 } else { RESHAPED };
+        lights.iter().map(|(l, _)| share(l) * lumens(l.flux)).sum()
     };
-    let moved = alone(&old, &new).max(alone(&new, &old));
-    let wrong = lumens((flux_new - flux_old).abs()).max(moved);
+    let wrong = lumens((flux_new - flux_old).abs()).max(moved(&gone).max(moved(&come)));
     let whole = lumens(flux_old).max(lumens(flux_new));
     let keys = |cells: &[CellId]| cells.iter().map(&key).sum::<f64>();
     // The same light in other cells.
     let balancing = !subtract.is_empty() && subtract != add && invalid == 0.0;
+    let both = || old.iter().chain(&new).map(|(l, _)| *l);
+    let gain = if balancing {
+        (keys(&subtract) - keys(&add)).abs()
+    } else {
+        wrong
+    };
     Update {
         kind: if balancing {
             Kind::Balancing
         } else {
             Kind::Validation
         },
-        gain: if balancing {
-            (keys(&subtract) - keys(&add)).abs()
+        gain,
+        visible: if balancing {
+            gain
         } else {
-            wrong
+            (unlike(&gone, &come) + unlike(&come, &gone)).sqrt()
         },
         invalid: share_of(wrong.max(invalid), whole),
-        cost: (old.len() + new.len()).max(1) as f64,
-        lights: (old.len() + new.len()) as u64,
+        cost: both().map(cost).sum::<f64>().max(1.0),
+        lights: both().count() as u64,
         what: What::Exchange { subtract, add },
     }
+}
+
+/// Evaluating a light once, in units of an indirect one.
+fn cost(light: &VirtualLight) -> f64 {
+    if light.direct { DIRECT } else { 1.0 }
 }
 
 /// The update that brings a held cell to the current version; `regions` is where that differs from the cell's, `invalid`
@@ -304,17 +326,26 @@ pub(super) fn advance(
     priority: Priority,
 ) -> Update {
     let lights = &held.selected.lights;
-    let met: f64 = match priority {
-        Priority::Bounds => lights.iter().map(|l| intercepted(l, regions)).sum(),
-        Priority::Paths => 0.0,
+    let (met, seen) = match priority {
+        Priority::Bounds => lights
+            .iter()
+            .flat_map(|l| regions.iter().map(move |r| (intercepted(l, r), shown(r))))
+            .fold((0.0, 0.0), |(met, seen), (part, area)| {
+                (met + part, seen + part * part / area)
+            }),
+        Priority::Paths => (0.0, 0.0),
     };
+    // Lumens that are spread over what the regions show.
+    let all: f64 = regions.iter().map(shown).sum();
     let gain = invalid.max(met);
+    let evaluated: f64 = lights.iter().map(cost).sum();
     Update {
         kind: Kind::Validation,
         what: What::Advance(cell),
         gain,
+        visible: (invalid / all.max(f64::MIN_POSITIVE).sqrt()).max(seen.sqrt()),
         invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
-        cost: (2.0 * LIMITED * lights.len() as f64).max(LIMITED),
+        cost: (2.0 * LIMITED * evaluated).max(LIMITED),
         lights: 2 * lights.len() as u64,
     }
 }
@@ -325,52 +356,6 @@ fn share_of(part: f64, whole: f64) -> f64 {
     } else {
         0.0
     }
-}
-
-/// Lumens (mean over RGB) of a light that meet the boxes, unless something stands between: what a change there can have
-/// made wrong. Sampled paths find this only where one of them happened to go; so what comes new into a scene, and the
-/// footprint of what left, are not lit last.
-fn intercepted(light: &VirtualLight, regions: &[Region]) -> f64 {
-    let flux = lumens(light.flux);
-    regions
-        .iter()
-        .map(|region| {
-            let half = Vec3::from(region.extent);
-            // The mean area that a box shows is a quarter of its surface (Cauchy).
-            let area = 2.0 * (half.x * half.y + half.y * half.z + half.z * half.x);
-            let way = Vec3::from(region.center) - light.position;
-            let (d2, radius) = (way.length_squared(), half.length());
-            let inside = d2 <= radius * radius;
-            let distance = d2.sqrt();
-            // A box that is partly behind still shows its front.
-            let cosine = (way.dot(light.normal) / distance.max(1e-9) + radius / distance.max(1e-9))
-                .clamp(0.0, 1.0);
-            let part = |solid_angle: f32, all: f32| {
-                f64::from(if inside { all } else { solid_angle.min(all) })
-            };
-            let pi = std::f32::consts::PI;
-            match light.shape {
-                Shape::Directional { .. } => flux * f64::from(area),
-                Shape::Point => flux * part(area / d2, 4.0 * pi),
-                Shape::Spot { outer, .. } => {
-                    let all = 2.0 * pi * (1.0 - outer.cos());
-                    let seen = inside
-                        || way.angle_between(light.normal)
-                            < outer + (radius / distance).min(1.0).asin();
-                    if seen {
-                        flux * part(area / d2, all)
-                    } else {
-                        0.0
-                    }
-                }
-                _ => flux * part(cosine * area / (pi * d2), 1.0),
-            }
-        })
-        .sum()
-}
-
-fn lumens(flux: Vec3) -> f64 {
-    (f64::from(flux.x) + f64::from(flux.y) + f64::from(flux.z)) / 3.0
 }
 
 /// Whether an update is about direct light alone.

@@ -14,6 +14,8 @@ use crate::gpu::GpuError;
 const PATHS_AT_ONCE: usize = 4096;
 /// The share of a step's time that tracing may take before the map is updated with what is known.
 const TRACING_SHARE: f64 = 0.3;
+/// Direct lights sent after an edit before its paths are traced.
+const LIGHTS_AHEAD: u64 = 32;
 /// A cell with a larger share of invalid flux is exchanged, not brought to the current scene before that.
 const LEAVES: f64 = 0.3;
 
@@ -64,52 +66,72 @@ impl Baker {
         told: &mut dyn FnMut(u64, u64),
     ) -> Result<Progress, GpuError> {
         let start = Instant::now();
-        let mut updates = 0;
+        let enough = |updates: u64| match limit {
+            Limit::Converged => false,
+            Limit::Time(time) => start.elapsed() >= time,
+            Limit::Updates(n) => updates >= n,
+        };
         let before = self.illumination.lights_sent();
-        if std::mem::take(&mut self.edited) {
-            updates += self.follow_with_direct_light(limit, start)?;
-        }
+        let mut updates = 0;
         loop {
-            let tracing = match limit {
-                Limit::Time(time) => Some(start + time.mul_f64(TRACING_SHARE)),
-                _ => None,
-            };
-            self.settle(tracing);
-            let total = self.plan.lights();
-            if limit == Limit::Updates(updates) {
-                self.illumination.send()?;
-                return Ok(self.standing(updates));
+            // After an edit, first what needs no path to be known: the device has work then while the host traces.
+            let direct = std::mem::take(&mut self.edited);
+            if direct {
+                self.trace(0);
+                self.plan_wanted();
+            } else {
+                let tracing = match limit {
+                    Limit::Time(time) => Some(start + time.mul_f64(TRACING_SHARE)),
+                    _ => None,
+                };
+                self.settle(tracing);
             }
-            while let Some(update) = self.plan.next(self.turns_at) {
+            if limit == Limit::Updates(updates) {
+                break;
+            }
+            let total = self.plan.lights();
+            let ahead = self.illumination.lights_taken();
+            while let Some(update) = self.next(direct) {
                 self.perform(&update)?;
                 updates += 1;
                 self.illumination.poll()?;
                 self.journal.reach(self.illumination.taken_and_done().1);
                 let sent = self.illumination.lights_sent() - before;
                 told(sent, sent + total);
-                let enough = match limit {
-                    Limit::Converged => false,
-                    Limit::Time(time) => start.elapsed() >= time,
-                    Limit::Updates(n) => updates >= n,
-                };
-                if enough {
+                if enough(updates) {
                     self.illumination.send()?;
                     return Ok(self.standing(updates));
                 }
+                if direct && self.illumination.lights_taken() - ahead >= LIGHTS_AHEAD {
+                    break;
+                }
+            }
+            if direct {
+                // What is seen first is not to wait for its batch to fill.
+                self.illumination.send()?;
+                continue;
             }
             self.forget()?;
             if self.is_converged() {
                 self.illumination.flush()?;
                 self.journal.reach(self.illumination.taken_and_done().1);
                 self.ledger = Ledger::new(&self.clusters);
+                self.brightness.forget();
                 return Ok(self.standing(updates));
             }
-            if let Limit::Time(time) = limit
-                && start.elapsed() >= time
-            {
-                self.illumination.send()?;
-                return Ok(self.standing(updates));
+            if enough(updates) {
+                break;
             }
+        }
+        self.illumination.send()?;
+        Ok(self.standing(updates))
+    }
+
+    fn next(&mut self, direct: bool) -> Option<schedule::Update> {
+        if direct {
+            self.plan.next_direct()
+        } else {
+            self.plan.next(self.turns_at)
         }
     }
 
@@ -123,54 +145,38 @@ impl Baker {
         }
     }
 
-    /// After an edit: what needs no path to be known, so that the device has work while the host traces.
-    fn follow_with_direct_light(&mut self, limit: Limit, start: Instant) -> Result<u64, GpuError> {
-        let scene = self.editor.scene().clone();
-        let differences = self.validator.step(&scene, &self.bvh, 0);
-        self.clusters
-            .apply(&scene, self.validator.paths(), &differences);
-        self.ledger.note(&self.clusters, &self.held, &differences);
-        self.wanted.update(&self.clusters, self.target);
-        self.replan();
-        let mut updates = 0;
-        while let Some(update) = self.plan.next_direct() {
-            self.perform(&update)?;
-            updates += 1;
-            self.illumination.poll()?;
-            self.journal.reach(self.illumination.taken_and_done().1);
-            let enough = match limit {
-                Limit::Converged => false,
-                Limit::Time(time) => start.elapsed() >= time,
-                Limit::Updates(n) => updates >= n,
-            };
-            if enough {
-                break;
-            }
-        }
-        // What is seen first is not to wait for its batch to fill.
-        self.illumination.send()?;
-        Ok(updates)
-    }
-
     /// Validates paths, until `until` or to the end, and plans what follows from them.
     fn settle(&mut self, until: Option<Instant>) {
         if self.settled && self.validator.is_valid() {
             return;
         }
-        let scene = self.editor.scene().clone();
         while !self.validator.is_valid() {
-            let paths = until.map_or(usize::MAX, |_| PATHS_AT_ONCE);
-            let differences = self.validator.step(&scene, &self.bvh, paths);
-            self.clusters
-                .apply(&scene, self.validator.paths(), &differences);
-            self.ledger.note(&self.clusters, &self.held, &differences);
+            self.trace(until.map_or(usize::MAX, |_| PATHS_AT_ONCE));
             if until.is_some_and(|until| Instant::now() >= until) {
                 break;
             }
         }
-        self.wanted.update(&self.clusters, self.target);
+        self.plan_wanted();
         self.settled = true;
-        self.replan();
+    }
+
+    /// Traces so many paths again, and brings the octree and the ledger to what they found.
+    fn trace(&mut self, paths: usize) {
+        let scene = self.editor.scene().clone();
+        let differences = self.validator.step(&scene, &self.bvh, paths);
+        let paths = self.validator.paths();
+        self.clusters.apply(&scene, paths, &differences);
+        self.ledger.note(&self.clusters, &self.held, &differences);
+    }
+
+    /// Finds out what should be held by now, and plans the way there.
+    fn plan_wanted(&mut self) {
+        self.wanted.update(&self.clusters, self.target);
+        let held = std::mem::take(&mut self.held);
+        let mut updates = self.exchanges(&held);
+        self.held = held;
+        updates.extend(self.advances(&updates));
+        self.plan = Plan::new(updates, self.plan.owed());
     }
 
     /// Scenes that no light is held under any more make room.
@@ -183,30 +189,40 @@ impl Baker {
         self.illumination.forget(oldest.unwrap_or(current))
     }
 
-    fn replan(&mut self) {
+    /// The updates that lead from `held` to what is wanted.
+    pub(super) fn exchanges(&mut self, held: &BTreeMap<CellId, Held>) -> Vec<schedule::Update> {
         let wanted = self.wanted.cells();
         let scale = self.clusters.scale().max(f64::MIN_POSITIVE);
         let key = |cell: &CellId| self.clusters.key(cell) as f64 / scale;
-        let groups = schedule::exchanges(&self.held, wanted, |c| self.clusters.parent(c));
-        let mut updates: Vec<_> = groups
+        let groups: Vec<_> = schedule::exchanges(held, wanted, |c| self.clusters.parent(c))
             .into_iter()
             .filter(|(subtract, add)| {
                 !(self.settings.indirect_only && schedule::all_direct(subtract, add))
             })
-            .map(|group| {
-                let ledger = |cell: &CellId| self.ledger.flux(cell);
-                schedule::exchange(group, &self.held, wanted, key, ledger)
-            })
             .collect();
+        let changing = groups.iter().flat_map(|(subtract, add)| {
+            let old = subtract.iter().map(|c| &held[c].selected);
+            old.chain(add.iter().map(|c| &wanted[c]))
+        });
+        self.brightness
+            .learn(self.editor.scene(), &self.bvh, changing);
+        let ledger = |cell: &CellId| self.ledger.flux(cell);
+        let update = |group| schedule::exchange(group, held, wanted, &self.brightness, key, ledger);
+        groups.into_iter().map(update).collect()
+    }
+
+    /// The updates that bring what stays held to the current scene.
+    fn advances(&self, exchanges: &[schedule::Update]) -> Vec<schedule::Update> {
         let current = self.illumination.version();
         // What is about to leave anyhow need not follow the scene first.
-        let leaving: BTreeSet<CellId> = updates
+        let leaving: BTreeSet<CellId> = exchanges
             .iter()
             .filter(|u| u.invalid > LEAVES)
             .flat_map(|u| u.leaving())
             .copied()
             .collect();
         let mut regions = BTreeMap::new();
+        let mut updates = Vec::new();
         for (&cell, held) in &self.held {
             if held.version == current || leaving.contains(&cell) {
                 continue;
@@ -223,32 +239,28 @@ impl Baker {
                 self.priority,
             ));
         }
-        self.plan = Plan::new(updates, self.plan.owed());
+        updates
     }
 
     /// Does an update: all of it is sent before anything else is.
     fn perform(&mut self, update: &schedule::Update) -> Result<(), GpuError> {
         let current = self.illumination.version();
+        let mut entry = Entry::new(update.kind, current);
         match &update.what {
             What::Advance(cell) => {
                 // It may have been exchanged since it was planned.
-                if let Some(held) = self.held.get_mut(cell)
-                    && held.version != current
-                {
-                    for light in &held.selected.lights {
-                        self.illumination
-                            .push_difference(light, held.version, current)?;
-                    }
-                    let mut entry = Entry::new(update.kind, current);
-                    entry.advanced = Some(held.clone());
-                    held.version = current;
-                    self.ledger.take(cell);
-                    let (taken, _) = self.illumination.taken_and_done();
-                    self.journal.note(entry, self.plan.invalid_flux(), taken);
+                let Some(held) = self.held.get_mut(cell).filter(|h| h.version != current) else {
+                    return Ok(());
+                };
+                for light in &held.selected.lights {
+                    self.illumination
+                        .push_difference(light, held.version, current)?;
                 }
+                entry.advanced = Some(held.clone());
+                held.version = current;
+                self.ledger.take(cell);
             }
             What::Exchange { subtract, add } => {
-                let mut entry = Entry::new(update.kind, current);
                 for cell in subtract {
                     if let Some(held) = self.held.remove(cell) {
                         for light in &held.selected.lights {
@@ -274,10 +286,10 @@ impl Baker {
                 for cell in subtract.iter().chain(add) {
                     self.ledger.take(cell);
                 }
-                let (taken, _) = self.illumination.taken_and_done();
-                self.journal.note(entry, self.plan.invalid_flux(), taken);
             }
         }
+        let (taken, _) = self.illumination.taken_and_done();
+        self.journal.note(entry, self.plan.invalid_flux(), taken);
         Ok(())
     }
 

@@ -233,7 +233,12 @@ impl Illumination {
         from: Version,
         to: Version,
     ) -> Result<u64> {
-        if from == to || self.versions.between(from, to).is_empty() {
+        if from == to {
+            return Ok(0);
+        }
+        let regions = self.versions.between(from, to);
+        let epsilon = self.accumulate.epsilon();
+        if regions.is_empty() || records::misses(light, &self.sizes, &regions, epsilon) {
             return Ok(0);
         }
         // A parallel light's depth map spans the whole scene: with other bounds every pixel is another.
@@ -438,6 +443,11 @@ impl Illumination {
             self.retire()?;
         }
         self.send()
+    }
+
+    /// Virtual lights taken in so far, subtractions included: sent, or about to be.
+    pub(super) fn lights_taken(&self) -> u64 {
+        self.taken_and_done().0.iter().sum()
     }
 
     /// Lights taken in, indirect and direct ones, and of these those that are in the map.

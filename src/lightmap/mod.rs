@@ -16,7 +16,7 @@ pub mod preview;
 mod raster;
 mod raw;
 pub mod resolve;
-mod sample;
+pub(crate) mod sample;
 mod seams;
 mod shape;
 mod skyline;

@@ -50,6 +50,32 @@ impl Claims {
     pub fn is_covered(claim: u32) -> bool {
         claim < 1 << 30
     }
+
+    /// What one object claims.
+    pub fn of_object(&self, atlas: &Atlas, object: u32) -> ClaimStatistics {
+        let object = object as usize;
+        let layout = &atlas.objects[object];
+        let own = self.first_triangle[object]..self.first_triangle[object + 1];
+        let mut statistics = ClaimStatistics::default();
+        if own.is_empty() {
+            return statistics;
+        }
+        let mut owns = vec![false; own.len()];
+        let page = &self.pages[layout.page as usize];
+        let end = (layout.origin + layout.size).min(UVec2::splat(atlas.page_size));
+        for y in layout.origin.y..end.y {
+            let row = (y * atlas.page_size) as usize;
+            for claim in &page[row + layout.origin.x as usize..row + end.x as usize] {
+                let triangle = Self::triangle(*claim).filter(|t| own.contains(t));
+                let Some(triangle) = triangle else { continue };
+                let owned = &mut owns[(triangle - own.start) as usize];
+                statistics.texels += 1;
+                statistics.p_uv += u32::from(!Self::is_covered(*claim));
+                statistics.t_uv += u32::from(!std::mem::replace(owned, true));
+            }
+        }
+        statistics
+    }
 }
 
 /// All texels that receive light.

@@ -110,6 +110,13 @@ fn candidates(center: Vec3, size: Vec3) -> Vec<Camera> {
     cameras
 }
 
+impl Camera {
+    /// A wide camera at `eye` that looks at `target`, upright; both in metres.
+    pub fn looking(eye: Vec3, target: Vec3) -> Self {
+        looking(eye, target)
+    }
+}
+
 /// A camera at `eye` that looks at `target`, upright.
 pub(super) fn looking(eye: Vec3, target: Vec3) -> Camera {
     let back = (eye - target).try_normalize().unwrap_or(Vec3::Z);

@@ -4,8 +4,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use glam::Vec3;
 use rebake::bake::{BakeError, Baked, Priority, Replay, ReplayOptions, ScriptError, Step};
 use rebake::lightmap::{Lightmap, exr};
+use rebake::scene::Camera;
 use rebake::scene::edit::Command;
 use serde_json::json;
 
@@ -33,6 +35,9 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
     let options = ReplayOptions {
         keep_going: command.keep_going,
         frame: command.frame_ms.map(|ms| Duration::from_secs_f32(ms / 1e3)),
+        camera: command.camera.map(|[x, y, z, to_x, to_y, to_z]| {
+            Camera::looking(Vec3::new(x, y, z), Vec3::new(to_x, to_y, to_z))
+        }),
     };
     let folder = command.script.parent().unwrap_or(Path::new("."));
     let mut snapshots = Snapshots::new(command.snapshots);
@@ -47,9 +52,15 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
         .map_err(|ScriptError { line, cause }| {
             anyhow::Error::new(cause).context(format!("{} line {line}", command.script.display()))
         })?;
-    if verify {
-        baker.verify()?;
-    }
+    let rebake = if command.rebake {
+        // It compares every bit, too.
+        Some(baker.rebake(options.camera.as_ref())?)
+    } else {
+        if verify {
+            baker.verify()?;
+        }
+        None
+    };
     gpu.check_validation()?;
 
     let lightmap = baker.lightmap()?;
@@ -60,13 +71,14 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
             serde_json::to_vec_pretty(&json!({
                 "bake": { "seconds": first.seconds, "total_seconds": first.total_seconds },
                 "replay": replay,
+                "rebake": rebake,
             }))
             .context("writing the replay's report")?,
         ),
         ("convergence.csv".to_owned(), csv(&replay).into_bytes()),
         (
             "convergence.png".to_owned(),
-            super::plot::convergence(&replay, &script)?,
+            super::plot::convergence(&replay, &script, rebake.as_deref())?,
         ),
     ];
     extra.extend(snapshots.files()?);
@@ -127,20 +139,18 @@ pub fn read(path: &Path, keep_going: bool) -> anyhow::Result<Vec<(usize, Command
 /// convergence.csv: a line an update.
 fn csv(replay: &Replay) -> String {
     let mut out = String::from(
-        "update,seconds,kind,cell,lights subtracted,lights added,lights limited,invalid flux [lm],RMS [lux],RMS share\n",
+        "update,seconds,kind,cell,lights subtracted,lights added,lights limited,invalid flux [lm],RMS [lux],RMS share,viewport RMS [lux],viewport share\n",
     );
-    let share = |rms: f64| {
-        if replay.initial_rms > 0.0 {
-            rms / replay.initial_rms
-        } else {
-            0.0
-        }
+    let share = |rms: f64, first: f64| if first > 0.0 { rms / first } else { 0.0 };
+    let tail = |rms: f64, viewport: f64| {
+        format!(
+            "{rms:.9},{:.9},{viewport:.9},{:.9}\n",
+            share(rms, replay.initial_rms),
+            share(viewport, replay.initial_viewport)
+        )
     };
-    out.push_str(&format!(
-        "0,0,,,0,0,0,,{},{}\n",
-        replay.initial_rms,
-        share(replay.initial_rms)
-    ));
+    let first = tail(replay.initial_rms, replay.initial_viewport);
+    out.push_str(&format!("0,0,,,0,0,0,,{first}"));
     for (number, step) in (1..).zip(&replay.steps) {
         let Step {
             seconds,
@@ -150,12 +160,13 @@ fn csv(replay: &Replay) -> String {
             limited,
             invalid_flux,
             rms,
+            viewport,
             ..
         } = step;
         let kind = step.kind.name();
         out.push_str(&format!(
-            "{number},{seconds:.6},{kind},{cell},{subtracted},{added},{limited},{invalid_flux:.6},{rms:.9},{:.9}\n",
-            share(*rms),
+            "{number},{seconds:.6},{kind},{cell},{subtracted},{added},{limited},{invalid_flux:.6},{}",
+            tail(*rms, *viewport)
         ));
     }
     out
