@@ -21,28 +21,47 @@ layout(push_constant, scalar) uniform Push {
     float far;        // a polygon further away than this many of its radii is evaluated as a disk
 };
 
-// Whether a segment from `from` along `way` (whole: 1) meets a box.
-bool meets(vec3 from, vec3 way, vec3 center, vec3 extent, float end) {
-    vec3 inverse = 1.0 / mix(way, vec3(1e-30), lessThan(abs(way), vec3(1e-30)));
-    vec3 a = (center - extent - from) * inverse;
-    vec3 b = (center + extent - from) * inverse;
-    vec3 near = min(a, b), far_side = max(a, b);
-    return max(max(near.x, near.y), max(near.z, 0.0)) <= min(min(far_side.x, far_side.y), min(far_side.z, end));
+// The t at which `from + way t` is in a box around the origin, `half_size + t widening` large each way, as (first, last):
+// empty where first > last.
+vec2 inside_box(vec3 from, vec3 way, vec3 half_size, vec3 widening) {
+    vec2 when = vec2(-1e30, 1e30);
+    [[unroll]] for (uint side = 0; side < 2; ++side) {
+        // slope t <= rest, for each axis.
+        vec3 slope = (side == 0 ? way : -way) - widening;
+        vec3 rest = half_size - (side == 0 ? from : -from);
+        vec3 t = rest / mix(slope, vec3(1e-30), lessThan(abs(slope), vec3(1e-30)));
+        vec3 first = mix(vec3(-1e30), t, lessThan(slope, vec3(-1e-30)));
+        vec3 last = mix(mix(vec3(1e30), vec3(-1e30), lessThan(rest, vec3(0.0))), t, greaterThan(slope, vec3(1e-30)));
+        last = mix(last, vec3(1e30), lessThan(slope, vec3(-1e-30)));
+        when.x = max(when.x, max(max(first.x, first.y), first.z));
+        when.y = min(when.y, min(min(last.x, last.y), last.z));
+    }
+    return when;
 }
 
 // Whether what differs between a light's version and the one that its update compares with can change its light on the
-// tile: the box, widened by the tile and by as far as depth maps are looked up beside a receiver, meets the way of the light.
+// tile: the box meets the bundle of the tile's lookups, which all begin in one point and are as wide at the tile as the
+// tile and as far as depth maps are looked up beside a receiver. Beyond the tile, too: what covers a receiver closely hides it
+// wherever its pixel's ray meets that.
 bool differs(uint i, vec3 center, vec3 extent) {
-    bool parallel = lights.at[i].kind == LIGHT_DIRECTIONAL;
+    uint kind = lights.at[i].kind;
+    bool parallel = kind == LIGHT_DIRECTIONAL;
     vec3 origin = lights.at[i].origin;
-    vec3 way = parallel ? lights.at[i].normal : center - origin;
+    vec3 normal = lights.at[i].normal;
+    vec3 way = parallel ? normal : center - origin;
     float distance = parallel ? 0.0 : length(way) + length(extent);
-    vec3 wide = extent + lights.at[i].blur + lights.at[i].blur_slope * distance + 8.0 * epsilon;
+    // Receivers this close to an emitter's plane are moved out of it (VPL13 fig. 8).
+    bool area = kind == LIGHT_POLYGON || kind == LIGHT_DISK;
+    float height = abs(dot(normal, center - lights.at[i].position)) - dot(abs(normal), extent);
+    float moved = area && height < 2.0 * epsilon ? 8.0 * epsilon : 0.0;
+    vec3 wide = extent + lights.at[i].blur + lights.at[i].blur_slope * distance + moved;
     uint first = lights.at[i].first_region;
     for (uint k = 0; k < lights.at[i].regions; ++k) {
         vec3 middle = regions.at[first + k].center;
-        vec3 half_size = regions.at[first + k].extent + wide;
-        if (parallel ? meets(center, -way, middle, half_size, 1e30) : meets(origin, way, middle, half_size, 1.0)) return true;
+        vec3 half_size = regions.at[first + k].extent;
+        vec2 when = parallel ? inside_box(center - middle, way, half_size + wide, vec3(0.0))
+                             : inside_box(origin - middle, way, half_size, wide);
+        if (when.x <= when.y && (parallel || when.y >= 0.0)) return true;
     }
     return false;
 }

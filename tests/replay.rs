@@ -8,15 +8,16 @@ mod run;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use fixtures::{Step, edit, steps, write_chair};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use rebake::bake::{Baked, Baker, Job, Limit, Options, Quality, Silent, bake};
 use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::AtlasOptions;
 use rebake::lightmap::export::{Content, write_outputs};
-use rebake::scene::edit::Editor;
+use rebake::scene::edit::{Command as Line, Editor};
 use rebake::scene::{Document, Scene, builtin::builtin};
 
 use run::{bake as bake_file, builtin as write_builtin, rebake, said};
@@ -150,9 +151,20 @@ fn follow(name: &str, job: &Job, steps: &[Step]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// The seed is printed, so that a run can be repeated: `PROPTEST_RNG_SEED=N`.
 fn cases(cases: u32) -> ProptestConfig {
+    let default = ProptestConfig::default();
+    let rng_seed = match default.rng_seed {
+        RngSeed::Random => {
+            let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+            RngSeed::Fixed(now.map_or(0, |t| t.subsec_nanos().into()))
+        }
+        given => given,
+    };
+    println!("PROPTEST_RNG_SEED={rng_seed}");
     ProptestConfig {
         cases,
+        rng_seed,
         failure_persistence: None,
         max_shrink_iters: 60,
         ..ProptestConfig::default()
@@ -179,6 +191,42 @@ proptest! {
     fn two_hundred_edits_over_cornell(steps in steps(200)) {
         follow("cornell", &job(2000, 500, 12), &steps)?;
     }
+}
+
+proptest! {
+    #![proptest_config(cases(1))]
+    /// A million triangles and 164 lights.
+    #[test]
+    fn twenty_edits_over_the_museum(steps in steps(20)) {
+        follow("museum", &job(6000, 500, 12), &steps)?;
+    }
+}
+
+/// The size of a lamp is its node's: four times smaller, it shines a quarter as much, wherever the edit came from.
+#[test]
+fn the_aperture_of_a_lamp_is_scaled_with_its_node() {
+    let document = builtin("cornell").unwrap();
+    let scene = Scene::from_document(&document).unwrap();
+    let job = job(2000, 500, 12);
+    let Baked { mut baker, .. } = bake(gpu(), scene, document, &job, &Silent).unwrap();
+    let mean = |baker: &mut Baker| {
+        let map = baker.lightmap().unwrap();
+        let lit = map.pages.iter().flatten().flatten().filter(|v| **v > 0.0);
+        let lit: Vec<f64> = lit.map(|v| f64::from(*v)).collect();
+        lit.iter().sum::<f64>() / lit.len() as f64
+    };
+    let before = mean(&mut baker);
+    let line = r#"{"do": "transform", "node": "lamp", "scale": [0.5, 1, 0.5]}"#;
+    let Ok(Line::Edit(edit)) = Line::parse(line) else {
+        panic!("{line} is no edit");
+    };
+    baker.apply(&edit, Path::new(".")).unwrap();
+    baker.step(Limit::Converged).unwrap();
+    let share = mean(&mut baker) / before;
+    assert!((0.2..0.3).contains(&share), "{share}");
+    baker.verify().unwrap();
+    let mut fresh = bake_written(&mut baker);
+    assert!(bits(&mut fresh) == bits(&mut baker));
 }
 
 /// Small, yet with direct lights, polygons, disks and several batches.

@@ -85,3 +85,69 @@ pub(super) fn intercepted(light: &VirtualLight, region: &Region) -> f64 {
 pub(super) fn lumens(flux: Vec3) -> f64 {
     (f64::from(flux.x) + f64::from(flux.y) + f64::from(flux.z)) / 3.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::sampling;
+
+    /// Rays from a light find a box as often as is estimated, within the factor that a box's outline may differ from its mean.
+    #[test]
+    fn what_meets_a_box_is_what_rays_find() {
+        let region = Region {
+            center: [1.0, 2.0, -0.5],
+            extent: [0.3, 0.4, 0.2],
+        };
+        let (center, extent) = (Vec3::from(region.center), Vec3::from(region.extent));
+        let light = |shape, position| VirtualLight {
+            shape,
+            position,
+            normal: Vec3::new(0.3, 0.9, -0.1).normalize(),
+            flux: Vec3::splat(5.0),
+            direct: true,
+        };
+        let outer = 0.5;
+        let cases = [
+            light(Shape::Disk { area: 0.0 }, Vec3::ZERO),
+            light(Shape::Point, Vec3::new(0.0, 1.0, 0.0)),
+            light(Shape::Spot { inner: 0.2, outer }, Vec3::ZERO),
+        ];
+        for light in cases {
+            let rays = 20_000;
+            let sequence = sampling::Sequence::new(1, 0);
+            let met = (0..rays)
+                .filter(|&i| {
+                    let [u, v, ..] = sequence.sample(i, 0);
+                    let direction = match light.shape {
+                        Shape::Point => sampling::sphere([u, v]),
+                        Shape::Spot { .. } => {
+                            let local = sampling::around_z(1.0 - u * (1.0 - outer.cos()), v);
+                            let (x, y) = sampling::basis(light.normal);
+                            x * local.x + y * local.y + light.normal * local.z
+                        }
+                        _ => sampling::cosine_hemisphere(light.normal, [u, v]),
+                    };
+                    let a = (center - extent - light.position) / direction;
+                    let b = (center + extent - light.position) / direction;
+                    let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
+                    near <= far && far > 0.0
+                })
+                .count();
+            let all = match light.shape {
+                Shape::Point => 4.0 * std::f32::consts::PI,
+                Shape::Spot { .. } => 2.0 * std::f32::consts::PI * (1.0 - outer.cos()),
+                _ => 1.0,
+            };
+            let found = 5.0 * f64::from(all) * met as f64 / f64::from(rays);
+            let estimated = intercepted(&light, &region);
+            let ratio = estimated / found;
+            assert!(
+                (0.6..1.7).contains(&ratio),
+                "{light:?}: {estimated} {found}"
+            );
+        }
+        let mut behind = light(Shape::Disk { area: 0.0 }, Vec3::ZERO);
+        behind.normal = -behind.normal;
+        assert_eq!(intercepted(&behind, &region), 0.0);
+    }
+}

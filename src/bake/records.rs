@@ -439,3 +439,6 @@ fn polygon_area(vertices: &[Vec3]) -> f32 {
         .sum();
     0.5 * sum.length()
 }
+
+#[cfg(test)]
+mod tests;

@@ -363,3 +363,6 @@ pub(super) fn all_direct(subtract: &[CellId], add: &[CellId]) -> bool {
     let mut cells = subtract.iter().chain(add);
     cells.all(|c| matches!(c, CellId::Aperture { .. }))
 }
+
+#[cfg(test)]
+mod tests;

@@ -39,7 +39,8 @@ pub use script::{Command, Until};
     deny_unknown_fields
 )]
 pub enum Edit {
-    /// Moves, turns or scales a node inside its parent; its children follow. A light is moved by its node.
+    /// Moves, turns or scales a node inside its parent; its children follow. A light is moved by its node, and the aperture of
+    /// an emissive object is scaled with it: its radiance stays, so its flux grows with its area. Other lights have none.
     Transform {
         /// Which node.
         node: Name,

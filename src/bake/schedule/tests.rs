@@ -1,0 +1,163 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::*;
+use crate::bake::brightness::Brightness;
+use crate::cluster::Shape;
+
+fn light(x: f32, flux: f32) -> VirtualLight {
+    VirtualLight {
+        shape: Shape::Disk { area: 0.01 },
+        position: Vec3::new(x, 0.0, 0.0),
+        normal: Vec3::Y,
+        flux: Vec3::splat(flux),
+        direct: false,
+    }
+}
+
+fn cell(path: u64) -> CellId {
+    CellId::Aperture { light: 0, path }
+}
+
+fn selected(path: u64, lights: Vec<VirtualLight>, joins: &[(u64, u64)]) -> Arc<Selected> {
+    Arc::new(Selected {
+        cell: cell(path),
+        lights,
+        joins: joins.iter().map(|(p, print)| (cell(*p), *print)).collect(),
+    })
+}
+
+fn all(cells: &[Arc<Selected>]) -> BTreeMap<CellId, Arc<Selected>> {
+    cells.iter().map(|s| (s.cell, s.clone())).collect()
+}
+
+fn held(cells: &[Arc<Selected>]) -> BTreeMap<CellId, Held> {
+    let hold = |s: &Arc<Selected>| Held {
+        selected: s.clone(),
+        version: 0,
+    };
+    cells.iter().map(|s| (s.cell, hold(s))).collect()
+}
+
+/// As in an aperture's tree: the way without its last bit.
+fn parent(cell: &CellId) -> Option<CellId> {
+    match cell {
+        CellId::Aperture { light, path } if *path > 1 => Some(CellId::Aperture {
+            light: *light,
+            path: path / 2,
+        }),
+        _ => None,
+    }
+}
+
+#[test]
+fn cells_that_overlap_or_swapped_vpls_are_exchanged_together_and_others_apart() {
+    let old = [
+        // Refined: its parts come.
+        selected(0b10, vec![light(0.0, 2.0)], &[]),
+        // Merged, from 0b1100 and 0b1101.
+        selected(0b1100, vec![light(1.0, 1.0)], &[]),
+        selected(0b1101, vec![light(1.1, 1.0)], &[]),
+        // Two that swapped VPLs, and swap others now.
+        selected(0b11100, vec![light(2.0, 1.0)], &[(0b11110, 1)]),
+        selected(0b11110, vec![light(2.1, 1.0)], &[(0b11100, 1)]),
+        // One that stays.
+        selected(0b11111, vec![light(3.0, 1.0)], &[]),
+    ];
+    let new = [
+        selected(0b100, vec![light(0.0, 1.0)], &[]),
+        selected(0b101, vec![light(0.1, 1.0)], &[]),
+        selected(0b110, vec![light(1.05, 2.0)], &[]),
+        selected(0b11100, vec![light(2.0, 1.5)], &[(0b11110, 2)]),
+        selected(0b11110, vec![light(2.1, 0.5)], &[(0b11100, 2)]),
+        selected(0b11111, vec![light(3.0, 1.0)], &[]),
+    ];
+    let groups = exchanges(&held(&old), &all(&new), parent);
+    let cells = |paths: &[u64]| paths.iter().map(|p| cell(*p)).collect::<Vec<_>>();
+    let expected: BTreeSet<_> = [
+        (cells(&[0b10]), cells(&[0b100, 0b101])),
+        (cells(&[0b1100, 0b1101]), cells(&[0b110])),
+        (cells(&[0b11100, 0b11110]), cells(&[0b11100, 0b11110])),
+    ]
+    .into();
+    assert_eq!(groups.len(), expected.len());
+    assert_eq!(groups.into_iter().collect::<BTreeSet<_>>(), expected);
+}
+
+fn update(kind: Kind, path: u64, visible: f64, cost: f64, invalid: f64) -> Update {
+    Update {
+        kind,
+        what: What::Advance(cell(path)),
+        gain: visible,
+        visible,
+        invalid,
+        cost,
+        lights: 1,
+    }
+}
+
+#[test]
+fn what_shows_most_for_its_work_goes_first() {
+    // Squares per work: 4, 2.25, 8.
+    let updates = [(1, 2.0, 1.0), (2, 3.0, 4.0), (3, 4.0, 2.0)]
+        .map(|(path, visible, cost)| update(Kind::Validation, path, visible, cost, 1.0));
+    let mut plan = Plan::new(updates.to_vec(), 0.0);
+    let order: Vec<_> = std::iter::from_fn(|| plan.next(0.1))
+        .map(|u| u.what)
+        .collect();
+    assert_eq!(order, [3, 1, 2].map(|p| What::Advance(cell(p))));
+}
+
+#[test]
+fn validation_and_balancing_share_the_work_by_what_is_invalid() {
+    let shares = |invalid: f64| {
+        let of = |kind| (0..400).map(move |i| update(kind, i, 1.0, 1.0, invalid));
+        let updates = of(Kind::Validation).chain(of(Kind::Balancing)).collect();
+        let mut plan = Plan::new(updates, 0.0);
+        let done: Vec<_> = (0..300).filter_map(|_| plan.next(0.1)).collect();
+        let validation = done.iter().filter(|u| u.kind == Kind::Validation);
+        validation.count() as f64 / 300.0
+    };
+    assert!((shares(1.0) - 1.0).abs() < 0.01);
+    assert!((shares(0.1) - 0.5).abs() < 0.01);
+    assert!((shares(0.01) - 0.5).abs() < 0.01);
+    let between = shares(0.4);
+    assert!(between > 0.6 && between < 0.9, "{between}");
+}
+
+/// A light that moved a little shows less than one that moved far, and one that shines into a corner more than another.
+#[test]
+fn an_exchange_shows_what_its_lights_do_not_share() {
+    let visible = |old: &[VirtualLight], new: &[VirtualLight]| {
+        let old = [selected(1, old.to_vec(), &[])];
+        let new = [selected(1, new.to_vec(), &[])];
+        let (held, wanted) = (held(&old), all(&new));
+        let group = (vec![cell(1)], vec![cell(1)]);
+        let nothing = |_: &CellId| 0.0;
+        exchange(
+            group,
+            &held,
+            &wanted,
+            &Brightness::default(),
+            nothing,
+            nothing,
+        )
+        .visible
+    };
+    let still = light(5.0, 10.0);
+    let near = visible(
+        &[still.clone(), light(0.0, 1.0)],
+        &[still.clone(), light(0.01, 1.0)],
+    );
+    let far = visible(
+        &[still.clone(), light(0.0, 1.0)],
+        &[still.clone(), light(9.0, 1.0)],
+    );
+    let dimmed = visible(&[light(0.0, 1.0)], &[light(0.0, 0.9)]);
+    assert!(near > 0.0 && near < 0.1 * far, "{near} {far}");
+    assert!(dimmed > 0.0 && dimmed < 0.3 * far, "{dimmed} {far}");
+    // A unit of brightness each, there and here.
+    assert!((far - 2f64.sqrt()).abs() < 1e-6, "{far}");
+}
