@@ -21,7 +21,7 @@ struct Texel {
 struct Clearance {
     vec3 push;
     float near;
-    float rate;
+    float way;
     float room;
 };
 

@@ -6,10 +6,18 @@
 const vec2 DIRECT_LIFT = vec2(0.05, 0.1);
 const vec2 INDIRECT_LIFT = vec2(0.1, 0.5);
 
+// A receiver's lookup.
+struct Lookup {
+    vec3 d;      // where, relative to the view's origin
+    float range; // how far away that is
+    float limit; // as far away at most is what hides the receiver
+    float bias;  // relative slack of the comparison
+};
+
 // How much nearer than the receiver's plane (through `local`, with normal `n`, both in the view's axes) the nearest thing
 // is along the ray of the pixel that `direction` falls into: above 1 it hides the receiver. Measuring at the pixel's own
 // centre keeps a plane from shading itself at any angle.
-float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, vec3 n, float reach) {
+float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, vec3 n, Lookup at) {
     vec3 a = abs(direction);
     bool top = direction.z >= max(a.x, a.y);
     bool along_x = a.x >= a.y;
@@ -34,7 +42,7 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
     float along = dot(n, ray);
     // What is no nearer than the receiver hides nothing of it, wherever the ray meets its plane, if at all.
     float far = inversesqrt(dot(ray, ray));
-    return stored * (along < 0.0 ? min(plane / along, reach * far) : length(local) * far);
+    return stored * (along < 0.0 ? min(plane / along, at.limit * far) : at.range * far);
 }
 
 // As far away from what stands beside a receiver it is looked up: pixels' half widths, so that no pixel that the lookup
@@ -42,22 +50,25 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
 const float CLEAR = 1.5;
 // What is nearer above a receiver than this, in the same measure, covers it.
 const float COVER = 8.0;
+// How much further away than the receiver, in the same measure, what covers it may be met.
+const float BEYOND = 4.0;
 
-// Where the receiver is looked up, relative to the view's origin: moved along its normal by what a pixel spans there, but
-// no further than half the way to what covers it, and away from what stands beside it.
-vec3 lifted(View view, vec3 p, vec3 n, Clearance clearance, vec2 lift) {
+// Moved along its normal by what a pixel spans there, but no further than half the way to what covers it, and away from
+// what stands beside it. The comparison's slack is no more than half of what is left. What covers the receiver so closely
+// that pixels' rays meet it at other distances hides it wherever they do.
+Lookup lookup(View view, vec3 p, vec3 n, Clearance clearance, vec2 lift, float bias) {
     vec3 d = p - view.origin;
     float distance = length(d);
     float cosine = dot(d, n) / max(distance, 1e-20);
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
     float pixel = distance / float(view.size);
-    return d + n * min(pixel * (lift.x + lift.y * sine), 0.5 * clearance.room)
-             + clearance.push * clamp((CLEAR * pixel - clearance.near) * clearance.rate, 0.0, 1.0);
-}
-
-// Relative slack of depth comparisons: no more than half of what is left between the lookup and what covers the receiver.
-float slack(float bias, Clearance clearance, vec3 d) {
-    return min(bias, 0.25 * clearance.room * inversesqrt(max(dot(d, d), 1e-30)));
+    float pushed = clamp(CLEAR * pixel - clearance.near, 0.0, clearance.way);
+    Lookup at;
+    at.d = d + n * min(pixel * (lift.x + lift.y * sine), 0.5 * clearance.room) + clearance.push * pushed;
+    at.range = length(at.d);
+    at.limit = clearance.room < COVER * pixel ? at.range + BEYOND * pixel : at.range;
+    at.bias = min(bias, 0.25 * clearance.room / max(at.range, 1e-20));
+    return at;
 }
 
 vec3 to_local(View view, vec3 d) {
@@ -69,19 +80,11 @@ vec3 to_direction(vec3 local) {
     return vec3(local.xy, max(local.z, 1e-9));
 }
 
-// How far away at most the nearest thing along a lookup's ray may be to hide the receiver. What covers the receiver so
-// closely that pixels' rays meet it at other distances hides it wherever they do.
-float limit_of(View view, Clearance clearance, vec3 d) {
-    float distance = length(d);
-    return clearance.room < COVER * distance / float(view.size) ? 1e30 : distance;
-}
-
 float visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float bias) {
-    vec3 d = lifted(view, p, n, clearance, INDIRECT_LIFT);
-    bias = slack(bias, clearance, d);
-    vec3 local = to_local(view, d);
-    float near = nearness(depth, view.offset, view.size, to_direction(local), local, to_local(view, n), limit_of(view, clearance, d));
-    return near > 1.0 + bias ? 0.0 : 1.0;
+    Lookup at = lookup(view, p, n, clearance, INDIRECT_LIFT, bias);
+    vec3 local = to_local(view, at.d);
+    float near = nearness(depth, view.offset, view.size, to_direction(local), local, to_local(view, n), at);
+    return near > 1.0 + at.bias ? 0.0 : 1.0;
 }
 
 const float SOFT_FURTHEST = 2.0;
@@ -100,15 +103,16 @@ const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2
 float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float radius, float bias) {
     uint offset = view.offset;
     uint size = view.size;
-    vec3 d = lifted(view, p, n, clearance, DIRECT_LIFT);
-    bias = slack(bias, clearance, d);
-    float distance = length(d);
+    Lookup at = lookup(view, p, n, clearance, DIRECT_LIFT, bias);
+    vec3 d = at.d;
+    float distance = at.range;
+    bias = at.bias;
     vec3 t = normalize(abs(d.x) > abs(d.z) ? vec3(-d.y, d.x, 0.0) : vec3(0.0, -d.z, d.y));
     vec3 b = cross(d, t) / max(distance, 1e-20);
     vec3 local = to_local(view, d);
     vec3 local_n = to_local(view, n);
     // What lies further away than twice the receiver does not matter: the host draws no more for a receiver's taps.
-    float limit = min(limit_of(view, clearance, d), SOFT_FURTHEST * distance);
+    at.limit = min(at.limit, SOFT_FURTHEST * distance);
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 
@@ -116,7 +120,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
     bool cut = false;
     for (uint i = 0; i < SEARCH_TAPS; ++i) {
         vec3 e = to_local(view, d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach);
-        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, limit), 8.0);
+        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, at), 8.0);
         bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(SEARCH[i]) * reach - pixel);
         cut = cut || i == 0 && blocks;
         blockers += blocks ? 1.0 : 0.0;
@@ -128,7 +132,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
     float lit = 0.0;
     for (uint i = 0; i < FILTER_TAPS; ++i) {
         vec3 e = to_local(view, d + (t * FILTER[i].x + b * FILTER[i].y) * width);
-        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, limit), 8.0);
+        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, at), 8.0);
         bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(FILTER[i]) * width - pixel);
         lit += blocks ? 0.0 : 1.0 / float(FILTER_TAPS);
     }
@@ -145,14 +149,14 @@ float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clea
     float cosine = dot(n, view.z) * scale;
     float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
     vec3 d = p - view.origin + n * min(pixel * (DIRECT_LIFT.x + DIRECT_LIFT.y * sine), 0.5 * clearance.room)
-           + clearance.push * clamp((CLEAR * 0.5 * pixel - clearance.near) * clearance.rate, 0.0, 1.0);
+           + clearance.push * clamp(CLEAR * 0.5 * pixel - clearance.near, 0.0, clearance.way);
     vec2 at = vec2(dot(view.x, d), dot(view.y, d));
     float value = dot(view.z, d);
     // How the plane's value changes across the map: it is linear.
     vec2 slope = -vec2(dot(n, view.x) / dot(view.x, view.x), dot(n, view.y) / dot(view.y, view.y)) / (max(cosine, 1e-3) * scale);
     vec2 corner = floor((at + 1.0) * half_size - 0.5);
     vec2 weight = (at + 1.0) * half_size - 0.5 - corner;
-    bool covered = clearance.room < COVER * 0.5 * pixel;
+    float beyond = clearance.room < COVER * 0.5 * pixel ? BEYOND * 0.5 * pixel / scale : 0.0;
     float lit = 0.0;
     for (uint i = 0; i < 4; ++i) {
         vec2 step = vec2(float(i & 1), float(i >> 1));
@@ -162,7 +166,7 @@ float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clea
         float stored = inside ? uintBitsToFloat(depth.at[view.offset + index]) : 0.0;
         float plane = value + dot(slope, (pixel_at + 0.5) / half_size - 1.0 - at);
         vec2 w = mix(1.0 - weight, weight, step);
-        lit += stored > (covered ? plane : max(plane, value)) + bias ? 0.0 : w.x * w.y;
+        lit += stored > max(plane, value - beyond) + bias ? 0.0 : w.x * w.y;
     }
     return lit;
 }

@@ -179,6 +179,10 @@ impl Clearances {
         let (u, v) = face.any_orthonormal_pair();
         let (mut push, mut most, mut near) = (Vec3::ZERO, 0.0f32, reach);
         for axis in [u, v] {
+            // Mostly there is nothing: one ray tells for both ways.
+            if !bvh.occluded(scene, start - axis * reach, axis, 2.0 * reach) {
+                continue;
+            }
             let [ahead, behind] = [axis, -axis].map(|way| free(start, way, reach));
             near = near.min(ahead).min(behind);
             // Between two walls to the middle, else a whole reach away from the one there is.
@@ -200,16 +204,15 @@ impl Clearances {
         }
         let (length, way) = (push.length(), push.normalize());
         let share = (0.5 * free(start, way, 2.0 * length) / length).min(1.0);
-        let rate = 1.0 / (share * most);
-        if !rate.is_finite() {
+        let push = push * share;
+        if share * most < 1e-6 * reach {
             return open;
         }
-        let push = push * share;
         let above = above.min(free(start + push, face, reach));
         Clearance {
-            push: push.to_array(),
+            push: (push / (share * most)).to_array(),
             near,
-            rate,
+            way: share * most,
             room: room(above),
         }
     }

@@ -132,12 +132,13 @@ impl Texel {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Clearance {
-    /// Away from what is near: the whole way that a lookup may go, metres.
+    /// Away from what is near, metres per metre that this leads away from it: longer than 1 in a corner. 0 where it leads
+    /// nowhere.
     pub push: [f32; 3],
     /// Distance of what is nearest, along the surface, metres.
     pub near: f32,
-    /// One over how far `push` leads away from what is near, per metre; 0 where it leads nowhere.
-    pub rate: f32,
+    /// How far away from what is near a lookup may go at most, metres.
+    pub way: f32,
     /// Free distance along the face's normal, metres; [`Clearance::OPEN`]'s where nothing is near.
     pub room: f32,
 }
@@ -147,7 +148,7 @@ impl Clearance {
     pub const OPEN: Self = Self {
         push: [0.0; 3],
         near: 0.0,
-        rate: 0.0,
+        way: 0.0,
         room: 1e30,
     };
 }

@@ -10,13 +10,19 @@ use crate::scene::{Camera, Scene};
 
 /// Samples of a pixel along each side.
 const SAMPLES: usize = 2;
-/// What the geometric mean of the picture becomes: a little below middle grey, since what light falls on is what is looked at.
-const KEY: f32 = 0.14;
+/// What the geometric mean of the metered part of the picture becomes: middle grey.
+const KEY: f32 = 0.18;
+/// The share of the picture that is metered, from the brightest down.
+const METERED: f32 = 0.75;
+/// All but this share of it is nowhere brighter than [`WHITE`]: lamps and the brightest highlights may be.
+const BRIGHT: f32 = 0.97;
+/// Tone mapping shows this as nearly white.
+const WHITE: f32 = 1.5;
 /// The emptiness around a scene, as displayed.
 const BACKGROUND: [u8; 3] = [24, 26, 29];
 
-/// Draws the scene with its lightmap as a PNG file of `width` x `height` pixels: `albedo / pi * irradiance + emission`, exposed by the
-/// geometric mean and tone-mapped (AgX). `camera`, or else the file's first, or else a place that sees much of the scene.
+/// Draws the scene with its lightmap as a PNG file of `width` x `height` pixels: `albedo / pi * irradiance + emission`, exposed by
+/// what is lit in it and tone-mapped (AgX). `camera`, or else the file's first, or else a place that sees much of the scene.
 pub fn preview(
     scene: &Scene,
     atlas: &Atlas,
@@ -97,26 +103,35 @@ fn radiance(scene: &Scene, atlas: &Atlas, lightmap: &Lightmap, seen: &Seen, weig
     albedo / std::f32::consts::PI * irradiance + scene.emission(seen.object, seen.triangle, weights)
 }
 
-/// Exposure and tone mapping to 8-bit sRGB.
-fn expose(pixels: &[(Vec3, f32)]) -> Vec<u8> {
+/// The factor that exposes a picture: the geometric mean of its better lit part becomes middle grey, but what is brightest
+/// stays below white.
+///
+/// What no light reaches says nothing about how bright the rest should be, however much of the picture it fills.
+fn exposure(pixels: &[(Vec3, f32)]) -> f32 {
     const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
-    let lit = pixels
+    let mut lit: Vec<f32> = pixels
         .iter()
         .filter(|(_, share)| *share > 0.0)
-        .map(|(radiance, _)| radiance.dot(LUMINANCE));
-    let (mut sum, mut count, mut brightest) = (0.0, 0.0, 0.0f32);
-    for luminance in lit.filter(|l| l.is_finite()) {
-        brightest = brightest.max(luminance);
-        // Black corners must not lift the exposure without bound: nothing counts as darker than this.
-        sum += f64::from(luminance.max(1e-9)).ln();
-        count += 1.0;
-    }
-    let mean = if count > 0.0 {
-        (sum / count).exp() as f32
-    } else {
-        1.0
+        .map(|(radiance, _)| radiance.dot(LUMINANCE))
+        .filter(|l| l.is_finite() && *l > 0.0)
+        .collect();
+    lit.par_sort_unstable_by(f32::total_cmp);
+    let at = |share: f32| (lit.len() as f32 * share) as usize;
+    let Some(&bright) = lit.get(at(BRIGHT)) else {
+        return 1.0;
     };
-    let exposure = KEY / mean.max(brightest * 1e-4).max(f32::MIN_POSITIVE);
+    let seen = &lit[at(1.0 - METERED).min(at(BRIGHT))..=at(BRIGHT)];
+    let sum: f64 = seen
+        .iter()
+        .map(|l| f64::from(l.max(bright * 1e-4)).ln())
+        .sum();
+    let mean = (sum / seen.len() as f64).exp() as f32;
+    (KEY / mean).min(WHITE / bright)
+}
+
+/// Exposure and tone mapping to 8-bit sRGB.
+fn expose(pixels: &[(Vec3, f32)]) -> Vec<u8> {
+    let exposure = exposure(pixels);
     pixels
         .par_iter()
         .flat_map_iter(|&(radiance, share)| {

@@ -22,7 +22,7 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
             &[
                 offset_of!(Clearance, push),
                 offset_of!(Clearance, near),
-                offset_of!(Clearance, rate),
+                offset_of!(Clearance, way),
                 offset_of!(Clearance, room),
             ],
         ),

@@ -93,12 +93,11 @@ fn surround(
                 if !own && numbers.next() < 0.7 {
                     continue;
                 }
-                let length = 0.1 * numbers.next();
-                let push = numbers.vector().normalize_or_zero() * length;
+                let push = numbers.vector().normalize_or_zero();
                 texels.clearances[entry] = Clearance {
                     push: push.to_array(),
                     near: 0.1 * numbers.next(),
-                    rate: 1.0 / length,
+                    way: 0.1 * numbers.next(),
                     room: 0.1 * numbers.next(),
                 };
                 let texel = &texels.list[entry];
