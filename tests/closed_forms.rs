@@ -74,12 +74,98 @@ fn furnace() {
     enclosure("furnace", "", PI / 0.5, Some(|p| edge_distance(p) > 0.06));
 }
 
+/// Along the edges, depth maps cannot tell the walls apart: there, and in the corners, a little light may be lost.
+#[test]
+fn furnace_edges_and_corners() {
+    let folder = tempdir().unwrap();
+    let scene = builtin("furnace", folder.path());
+    let (out, _) = bake(&scene, "out", "--texels 20k");
+    let points = points(&out);
+    let near = |p: &Point| wall_distances(p).map(|d| d <= 0.06);
+    let off = |p: &Point| 100.0 * (p.mean() / (2.0 * PI) - 1.0);
+    for (name, of, mean_limit, worst_limit) in [
+        ("edges", [true, false], 2.0, 10.0),
+        ("corners", [true, true], 10.0, 30.0),
+    ] {
+        let errors: Vec<f64> = points.iter().filter(|p| near(p) == of).map(off).collect();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        let worst = errors.iter().fold(0.0, |w: f64, e| w.max(e.abs()));
+        let found = format!(
+            "{name}: mean {mean:+.2f} %, worst {worst:.2f} % of {} texels",
+            errors.len()
+        );
+        eprintln!("{found}");
+        assert!(errors.len() > 20, "{found}");
+        assert!(mean.abs() < mean_limit && worst < worst_limit, "{found}");
+    }
+}
+
 /// Metres from a point of the furnace's cube, of 2 m on a floor at 0, to the nearest wall but the one it is on.
 fn edge_distance(point: &Point) -> f64 {
+    wall_distances(point)[0]
+}
+
+/// Metres from a point of the furnace's cube to the two walls that are nearest, but for the one it is on.
+fn wall_distances(point: &Point) -> [f64; 2] {
     let inside = DVec3::ONE - (point.position - DVec3::Y).abs();
     let mut distances = inside.to_array();
     distances.sort_by(f64::total_cmp);
-    distances[1]
+    [distances[1], distances[2]]
+}
+
+/// A panel that hangs a few millimetres before a wall, nearer than depth maps can tell at any distance, keeps it dark; what
+/// it leaves open is lit all the same.
+#[test]
+fn a_panel_keeps_the_wall_behind_it_dark() {
+    for gap in [0.005, 0.0005] {
+        let folder = tempdir().unwrap();
+        let upright = |name, z: f32, half: f32, emission| Quad {
+            name,
+            corners: [[-half, -half], [half, -half], [half, half], [-half, half]]
+                .map(|[x, y]| [x, y, z]),
+            emission: [emission; 3],
+        };
+        let wall = upright("wall", 0.0, 1.0, 0.0);
+        let panel = upright("panel", gap, 0.4, 0.0);
+        let mut lamp = upright("lamp", 3.0, 0.3, 1000.0);
+        for corner in &mut lamp.corners {
+            corner[0] += 1.5;
+        }
+        lamp.corners.reverse();
+        let scene = quads::write(folder.path(), &[wall, panel, lamp], &[]);
+        let (out, _) = bake(&scene, "out", "--texels 20k");
+        let points = points(&out);
+        let wall: Vec<(f64, f64)> = points
+            .iter()
+            .filter(|p| p.object == "wall")
+            .map(|p| (p.position.x.abs().max(p.position.y.abs()), p.mean()))
+            .collect();
+        let mean = |inside: bool| {
+            let values = wall.iter().filter(|w| (w.0 < 0.4) == inside).map(|w| w.1);
+            values.clone().sum::<f64>() / values.count() as f64
+        };
+        let (behind, beside) = (mean(true), mean(false));
+        // Light comes in along the panel's edges, and a texel at its edge has neighbours that are lit.
+        let deep = wall
+            .iter()
+            .filter(|w| w.0 < 0.3)
+            .map(|w| w.1)
+            .fold(0.0, f64::max);
+        eprintln!(
+            "gap {gap}: behind {behind:.4} lux, at most {deep:.4} deep behind; beside {beside:.4}"
+        );
+        assert!(
+            beside > 1.0 && behind < 0.01 * beside,
+            "{behind} of {beside}"
+        );
+        assert!(deep < 1e-3 * beside, "{deep} of {beside}");
+        let open = wall
+            .iter()
+            .filter(|w| w.0 > 0.45)
+            .map(|w| w.1)
+            .fold(f64::MAX, f64::min);
+        assert!(open > 0.1 * beside, "{open} of {beside}");
+    }
 }
 
 /// The largest error among the points, relative to what is expected, with the point it is at.

@@ -44,7 +44,7 @@ impl Baker {
             shown.list.extend(&self.texels.list[range.clone()]);
             values.extend(&irradiance[range]);
         }
-        let enclosed = enclosed(&scene, &self.bvh, &shown.list);
+        let enclosed = enclosed(&scene, &self.bvh, &shown.list, self.atlas.density);
         for (value, enclosed) in values.iter_mut().zip(enclosed) {
             if enclosed {
                 *value = [0.0; 3];

@@ -86,7 +86,8 @@ fn surround(
         }
         let own = changed.contains(&object);
         for tile in texels.tiles[object as usize].clone() {
-            if !own && numbers.next() < 0.7 {
+            // Where nothing changed, nothing else stands near.
+            if !own && (boxes.is_empty() || numbers.next() < 0.7) {
                 continue;
             }
             for entry in tile as usize * Texel::TILE..(tile as usize + 1) * Texel::TILE {
