@@ -91,7 +91,7 @@ fn furnace_edges_and_corners() {
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
         let worst = errors.iter().fold(0.0, |w: f64, e| w.max(e.abs()));
         let found = format!(
-            "{name}: mean {mean:+.2f} %, worst {worst:.2f} % of {} texels",
+            "{name}: mean {mean:+.2} %, worst {worst:.2} % of {} texels",
             errors.len()
         );
         eprintln!("{found}");
@@ -140,25 +140,16 @@ fn a_panel_keeps_the_wall_behind_it_dark() {
             .filter(|p| p.object == "wall")
             .map(|p| (p.position.x.abs().max(p.position.y.abs()), p.mean()))
             .collect();
-        let mean = |inside: bool| {
-            let values = wall.iter().filter(|w| (w.0 < 0.4) == inside).map(|w| w.1);
-            values.clone().sum::<f64>() / values.count() as f64
-        };
-        let (behind, beside) = (mean(true), mean(false));
-        // Light comes in along the panel's edges, and a texel at its edge has neighbours that are lit.
-        let deep = wall
-            .iter()
-            .filter(|w| w.0 < 0.3)
-            .map(|w| w.1)
-            .fold(0.0, f64::max);
-        eprintln!(
-            "gap {gap}: behind {behind:.4} lux, at most {deep:.4} deep behind; beside {beside:.4}"
-        );
+        let lit: Vec<f64> = wall.iter().filter(|w| w.0 > 0.4).map(|w| w.1).collect();
+        let beside = lit.iter().sum::<f64>() / lit.len() as f64;
+        // A texel at the panel's edge may be seen past it.
+        let behind = wall.iter().filter(|w| w.0 < 0.36).map(|w| w.1);
+        let behind = behind.fold(0.0, f64::max);
+        eprintln!("gap {gap}: at most {behind:.5} lux behind the panel, {beside:.3} beside it");
         assert!(
-            beside > 1.0 && behind < 0.01 * beside,
+            beside > 1.0 && behind < 1e-3 * beside,
             "{behind} of {beside}"
         );
-        assert!(deep < 1e-3 * beside, "{deep} of {beside}");
         let open = wall
             .iter()
             .filter(|w| w.0 > 0.45)
