@@ -63,10 +63,11 @@ fn curves(replay: &Replay, rebake: Option<&[Moment]>) -> Vec<Curve> {
     let curve = |name, color, first: f64, left: &dyn Fn(&Step) -> f64| {
         let steps = replay.steps.iter();
         let steps = steps.map(|s| (s.seconds, left(s) / first));
+        let all = if first > 0.0 { 1.0 } else { 0.0 };
         Curve {
             name,
             color,
-            points: std::iter::once((0.0, first / first)).chain(steps).collect(),
+            points: std::iter::once((0.0, all)).chain(steps).collect(),
         }
     };
     let mut curves = vec![

@@ -1,0 +1,195 @@
+//! Lights on their way to the device: in batches of one kind, the next recorded while one runs.
+
+use std::time::{Duration, Instant};
+
+use super::{Flight, Illumination, Pending, Sign};
+use crate::bake::accumulate::Batch;
+use crate::bake::records::{self, Region, Surroundings};
+use crate::bake::shared::BATCH;
+use crate::cluster::{Shape, VirtualLight};
+use crate::gpu::{Result, Stage};
+
+/// No submission on a GPU should run longer: drivers kill those that run for seconds.
+const SUBMISSION: Duration = Duration::from_millis(400);
+/// Submissions in flight: one runs while the next is recorded.
+const IN_FLIGHT: usize = 2;
+
+/// Batches of one kind that a light of the other kind waits for at most: what comes first is to be seen first.
+const PATIENCE: u32 = 2;
+
+impl Illumination {
+    pub(super) fn enter(&mut self, new: Pending) -> Result<()> {
+        let queue = usize::from(new.light.direct);
+        let pending = &self.pending[queue];
+        let fits = pending.is_empty()
+            || pending.len()
+                < self
+                    .batch
+                    .min(self.batch_limit.map_or(usize::MAX, |n| n.max(1) as usize))
+                && self.elements(pending.iter().map(|p| &p.light)) + self.elements([&new.light])
+                    <= self.shadow.elements();
+        if !fits {
+            self.send_queue(queue)?;
+        }
+        self.pending[queue].push(new);
+        Ok(())
+    }
+
+    /// Sends what is pending and waits for everything.
+    pub fn flush(&mut self) -> Result<()> {
+        self.send()?;
+        while !self.in_flight.is_empty() {
+            self.retire()?;
+        }
+        Ok(())
+    }
+
+    fn elements<'a>(&self, lights: impl IntoIterator<Item = &'a VirtualLight>) -> u64 {
+        let square = |size: u32| u64::from(size) * u64::from(size);
+        lights
+            .into_iter()
+            .map(|light| match light.shape {
+                Shape::Directional { .. } => square(self.sizes.sun),
+                Shape::Point => 6 * square(self.sizes.direct),
+                _ => {
+                    3 * square(if light.direct {
+                        self.sizes.direct
+                    } else {
+                        self.sizes.indirect
+                    })
+                }
+            })
+            .sum()
+    }
+
+    /// Sends what is pending, without waiting for it.
+    pub fn send(&mut self) -> Result<()> {
+        // Direct light first.
+        self.send_queue(1)?;
+        self.send_queue(0)
+    }
+
+    fn send_queue(&mut self, queue: usize) -> Result<()> {
+        if self.pending[queue].is_empty() {
+            return Ok(());
+        }
+        while self.in_flight.len() >= IN_FLIGHT {
+            self.retire()?;
+        }
+        let mut views = Vec::new();
+        let mut offset = 0;
+        let mut regions: Vec<Region> = Vec::new();
+        let soft = queue == 1;
+        let mut lights = Vec::new();
+        let mut between = (0, 0, 0..0);
+        for pending in &self.pending[queue] {
+            let (a, b) = (
+                pending.version.min(pending.other),
+                pending.version.max(pending.other),
+            );
+            if (a, b) != (between.0, between.1) {
+                let first = regions.len();
+                if a != b {
+                    regions.extend(self.versions.between(a, b));
+                }
+                between = (a, b, first..regions.len());
+            }
+            let around = Surroundings {
+                version: pending.version,
+                other: pending.other,
+                regions: &regions[between.2.clone()],
+                first_region: between.2.start as u32,
+                bounds: self.versions.bounds(pending.version),
+                soft,
+                moved: self.accumulate.moved(),
+            };
+            let sign = if pending.sign == Sign::Add { 1 } else { -1 };
+            lights.push(records::record(
+                &pending.light,
+                sign,
+                &self.sizes,
+                &around,
+                &mut views,
+                &mut offset,
+            ));
+        }
+        let mut cmd = self.gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        let instances = self.versions.address();
+        self.shadow
+            .record(&self.gpu, &mut cmd, &self.occluders, instances, &views)?;
+        let batch = Batch {
+            lights: &lights,
+            regions: &regions,
+            soft,
+        };
+        self.accumulate.record(
+            &self.gpu,
+            &mut cmd,
+            &self.receivers,
+            &self.shadow,
+            instances,
+            &batch,
+        )?;
+        let mut sent = [0; 2];
+        sent[queue] = lights.len() as u64;
+        self.in_flight.push_back(Flight {
+            ticket: cmd.submit()?,
+            sent: Instant::now(),
+            lights: sent,
+        });
+        self.lights[queue] += sent[queue];
+        self.pending[queue].clear();
+        self.waited[queue] = 0;
+        let other = 1 - queue;
+        if !self.pending[other].is_empty() {
+            self.waited[other] += 1;
+            if self.waited[other] >= PATIENCE {
+                return self.send_queue(other);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes note of submissions that have finished; sends what is pending if the device has nothing to do.
+    pub(in crate::bake) fn poll(&mut self) -> Result<()> {
+        while let Some(flight) = self.in_flight.front() {
+            if !flight.ticket.is_done()? {
+                return Ok(());
+            }
+            self.retire()?;
+        }
+        self.send()
+    }
+
+    /// Virtual lights taken in so far, subtractions included: sent, or about to be.
+    pub(in crate::bake) fn lights_taken(&self) -> u64 {
+        self.taken_and_done().0.iter().sum()
+    }
+
+    /// Lights taken in, indirect and direct ones, and of these those that are in the map.
+    pub(in crate::bake) fn taken_and_done(&self) -> ([u64; 2], [u64; 2]) {
+        let taken = [0, 1].map(|q| self.lights[q] + self.pending[q].len() as u64);
+        let flying = |q: usize| self.in_flight.iter().map(|f| f.lights[q]).sum::<u64>();
+        (taken, [0, 1].map(|q| self.lights[q] - flying(q)))
+    }
+
+    /// Waits for the oldest submission and learns from the time it took.
+    fn retire(&mut self) -> Result<()> {
+        let Some(flight) = self.in_flight.pop_front() else {
+            return Ok(());
+        };
+        flight.ticket.wait()?;
+        if self.gpu.info().kind == "CPU" {
+            return Ok(());
+        }
+        // A batch waits for the one before it: the span holds both.
+        let took = flight.sent.elapsed() / IN_FLIGHT as u32;
+        if took > SUBMISSION {
+            self.batch = (self.batch / 2).max(1);
+        } else if took * 3 < SUBMISSION && flight.lights.iter().sum::<u64>() >= self.batch as u64 {
+            self.batch = (self.batch * 2).min(BATCH as usize);
+        }
+        Ok(())
+    }
+}
