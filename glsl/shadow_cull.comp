@@ -1,10 +1,18 @@
 #version 460
-// Which chunk of triangles can be seen in which face of which view: appends (chunk, view and face).
+// Which chunk of triangles can be seen in which face of which view: appends (chunk, view and face). Chunks whose triangles
+// cover many pixels are drawn first; of the others those that lie behind what was drawn are left out.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "view.glsl"
+#include "hidden.glsl"
 
 layout(local_size_x = 64) in;
+
+// Draws everything; what is drawn first; the rest, unless it is hidden.
+const uint ALL = 0, FIRST = 1, REST = 2;
+layout(constant_id = 0) const uint WHICH = ALL;
+// Pixels that a triangle covers on average if its chunk is drawn first. Many small triangles hide little for their cost.
+layout(constant_id = 1) const float PIXELS = 16.0;
 
 layout(push_constant, scalar) uniform Push {
     Chunks chunks;
@@ -12,8 +20,22 @@ layout(push_constant, scalar) uniform Push {
     Views views;
     Pairs list;
     ListHeads head;
+    Floats blocks; // of depth_blocks, after what is drawn first
     uint chunk_count;
 };
+
+// Whether a chunk is to hide others: it is near, or its triangles are large.
+bool is_first(uint view, vec3 offset, vec3 extent, uint count) {
+    float reach = 0.5 * float(views.at[view].size) * length(extent);
+    return reach * reach >= PIXELS * float(count) * dot(offset, offset);
+}
+
+// Whether everything in a box lies behind what is seen in each of the pixels that it can touch.
+bool hidden(uint view, uint face, Face f, vec3 offset, vec3 extent) {
+    vec3 center = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
+    vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent));
+    return covered(blocks, view, face, center, half_size, 1.0001, 0.01);
+}
 
 // Whether a box around `offset` from the view's origin touches what the view is limited to.
 bool matters(uint view, vec3 offset, vec3 extent) {
@@ -43,6 +65,8 @@ void main() {
     vec3 y = views.at[view].y;
     vec3 z = views.at[view].z;
     bool hemicube = views.at[view].kind == VIEW_HEMICUBE;
+    bool first = WHICH != ALL && hemicube && is_first(view, offset, extent, chunks.at[chunk].count);
+    if (WHICH == FIRST && !first || WHICH == REST && first) return;
     uint faces = hemicube ? 5 : 1;
     for (uint face = 0; face < faces; ++face) {
         Face f = face_axes(face, x, y, z);
@@ -55,6 +79,7 @@ void main() {
         } else {
             seen = abs(dot(x, offset)) - dot(abs(x), extent) < 1.0 && abs(dot(y, offset)) - dot(abs(y), extent) < 1.0;
         }
+        if (WHICH == REST && hemicube) seen = seen && !hidden(view, face, f, offset, extent);
         if (seen) list.at[atomicAdd(head.at[0].entries, 1)] = uvec2(chunk, view * 8 + face);
     }
 }

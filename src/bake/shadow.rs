@@ -1,4 +1,5 @@
-//! Depth maps of a batch of lights: cull chunks per face, draw small triangles, then large ones.
+//! Depth maps of a batch of lights: cull chunks per face, draw small triangles, then large ones; first those chunks that hide
+//! much, then what they do not hide.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -7,24 +8,39 @@ use super::occluders::Occluders;
 use super::pool::grow;
 use super::records::View;
 use super::shaders;
-use super::shared::{BATCH, VIEW_HEMICUBE};
+use super::shared::{BATCH, VIEW_BLOCKS, VIEW_HEMICUBE};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 
 /// Entries of the list of large triangles; what does not fit is drawn, more slowly, by the pass for small ones.
 const LARGE_CAPACITY: u32 = 1 << 20;
 /// Pixels of a triangle's bounding rectangle up to which it counts as small.
 const SMALL_PIXELS: u32 = 96;
+/// Pixels that a chunk's triangles cover on average if it is drawn before it is told what is hidden.
+const FIRST_PIXELS: f32 = 4.0;
+/// Scenes of fewer chunks are drawn at once.
+const FEW_CHUNKS: u32 = 256;
 /// Most views of a batch: points have two.
 const MAX_VIEWS: u64 = 2 * BATCH as u64;
 
 /// The shadow passes and their buffers.
 pub(super) struct ShadowPass {
-    cull: Pipeline,
+    /// Of everything, of what is drawn first, of the rest.
+    cull: [Pipeline; 3],
+    blocks_of: Pipeline,
     /// For whole triangles, and for those with cutouts.
     drawings: [Drawing; 2],
     heads: Heads,
     views: Buffer,
     depth: Buffer,
+    blocks: Buffer,
+}
+
+/// Which chunks are drawn.
+#[derive(Clone, Copy)]
+enum Which {
+    All,
+    First,
+    Rest,
 }
 
 /// The passes and lists for one kind of triangle; made when the first one comes.
@@ -48,7 +64,16 @@ struct CullPush {
     views: Address,
     list: Address,
     head: Address,
+    blocks: Address,
     chunk_count: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct BlocksPush {
+    views: Address,
+    depth: Address,
+    blocks: Address,
 }
 
 #[repr(C)]
@@ -116,7 +141,12 @@ impl ShadowPass {
     /// `depth_elements`: pixels that the depth maps of one batch may take together.
     pub(super) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
         Ok(Self {
-            cull: gpu.pipeline(shaders::SHADOW_CULL, &[])?,
+            cull: [
+                gpu.pipeline(shaders::SHADOW_CULL, &[0, FIRST_PIXELS.to_bits()])?,
+                gpu.pipeline(shaders::SHADOW_CULL, &[1, FIRST_PIXELS.to_bits()])?,
+                gpu.pipeline(shaders::SHADOW_CULL, &[2, FIRST_PIXELS.to_bits()])?,
+            ],
+            blocks_of: gpu.pipeline(shaders::DEPTH_BLOCKS, &[])?,
             drawings: [false, true].map(|masked| Drawing { masked, made: None }),
             heads: Heads::new(gpu, "shadow lists", 4)?,
             views: gpu.buffer(
@@ -125,6 +155,11 @@ impl ShadowPass {
                 Memory::Device,
             )?,
             depth: gpu.buffer("shadow depth", depth_elements * 4, Memory::Device)?,
+            blocks: gpu.buffer(
+                "shadow blocks",
+                MAX_VIEWS * u64::from(VIEW_BLOCKS) * 4,
+                Memory::Device,
+            )?,
         })
     }
 
@@ -164,6 +199,34 @@ impl ShadowPass {
             .sum();
         cmd.upload(&self.views, 0, views)?;
         cmd.fill(&self.depth, 0, elements * 4, 0);
+        let chunks = occluders.whole.count().max(occluders.masked.count());
+        if chunks < FEW_CHUNKS {
+            return self.draw(gpu, cmd, occluders, instances, views.len(), Which::All);
+        }
+        self.draw(gpu, cmd, occluders, instances, views.len(), Which::First)?;
+        cmd.barrier(Stage::Compute, Stage::Compute);
+        cmd.scope("depth blocks", |cmd| {
+            let push = BlocksPush {
+                views: self.views.address(),
+                depth: self.depth.address(),
+                blocks: self.blocks.address(),
+            };
+            cmd.dispatch(&self.blocks_of, &push, [VIEW_BLOCKS, views.len() as u32, 1]);
+        });
+        cmd.barrier(Stage::All, Stage::All);
+        self.draw(gpu, cmd, occluders, instances, views.len(), Which::Rest)
+    }
+
+    /// Draws some of the chunks into the first `views` views.
+    fn draw(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        occluders: &Occluders,
+        instances: Address,
+        views: usize,
+        which: Which,
+    ) -> Result<()> {
         self.heads.clear(cmd);
         let (views_at, depth) = (self.views.address(), self.depth.address());
         let mut drawings = Vec::new();
@@ -184,9 +247,14 @@ impl ShadowPass {
                     views: views_at,
                     list: made.list.address(),
                     head: self.heads.address(CHUNKS[*kind]),
+                    blocks: self.blocks.address(),
                     chunk_count: chunks.count(),
                 };
-                cmd.dispatch(&self.cull, &push, [chunks.count(), views.len() as u32, 1]);
+                cmd.dispatch(
+                    &self.cull[which as usize],
+                    &push,
+                    [chunks.count(), views as u32, 1],
+                );
             }
             self.heads.finish(cmd);
         });

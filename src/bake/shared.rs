@@ -6,6 +6,8 @@ pub const MACROS: &[(&str, u32)] = &[
     ("TILE", TILE),
     ("CHUNK", CHUNK),
     ("BATCH", BATCH),
+    ("BLOCKS", BLOCKS),
+    ("VIEW_BLOCKS", VIEW_BLOCKS),
     ("LIST_ROW", LIST_ROW),
     ("MAX_VERTICES", MAX_VERTICES),
     ("VIEW_HEMICUBE", VIEW_HEMICUBE),
@@ -54,6 +56,10 @@ pub const WRAP_MIRROR: u32 = 1;
 pub const WRAP_CLAMP: u32 = 2;
 /// Most lights per batch: one bit each in a tile's mask.
 pub const BATCH: u32 = 32;
+/// Blocks of pixels along the edge of a hemicube's top face, by which is told what is hidden.
+pub const BLOCKS: u32 = 16;
+/// Blocks of a hemicube.
+pub const VIEW_BLOCKS: u32 = 3 * BLOCKS * BLOCKS;
 /// Lists are dispatched as rows of this many workgroups: the guaranteed limit is 65,535 a dimension.
 pub const LIST_ROW: u32 = 32768;
 /// Most vertices of a polygon light (VPL13 section 5.2).

@@ -1,0 +1,37 @@
+#version 460
+// The farthest thing in every block of a hemicube's pixels: what lies wholly behind it is hidden there (hierarchical depth,
+// Greene, Kass and Miller 1993).
+#extension GL_GOOGLE_include_directive : require
+#include "common.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, scalar) uniform Push {
+    Views views;
+    Uints depth;
+    Floats blocks; // VIEW_BLOCKS a view: rows of the top face, then of the side faces
+};
+
+void main() {
+    uint block = gl_GlobalInvocationID.x;
+    uint view = gl_GlobalInvocationID.y;
+    if (block >= VIEW_BLOCKS) return;
+    uint size = views.at[view].size;
+    uint edge = size / BLOCKS;
+    // What cannot be cut into blocks hides nothing.
+    float farthest = 0.0;
+    if (views.at[view].kind == VIEW_HEMICUBE && edge * BLOCKS == size) {
+        // Rows of blocks follow each other from face to face as rows of pixels do.
+        uint pixel = views.at[view].offset + (block / BLOCKS * edge) * size + block % BLOCKS * edge;
+        farthest = 1e30;
+        uint column = 0;
+        for (uint left = edge * edge;;) {
+            farthest = min(farthest, uintBitsToFloat(depth.at[pixel + column]));
+            if (--left == 0) break;
+            bool wrap = ++column == edge;
+            column = wrap ? 0 : column;
+            pixel += wrap ? size : 0;
+        }
+    }
+    blocks.at[view * VIEW_BLOCKS + block] = farthest;
+}
