@@ -39,6 +39,9 @@ struct Tile {
     vec3 extent;    // half the box
     vec3 axis;
     float cone_cos; // of the largest angle between the axis and a normal; -1 if they do not fit a half space
+    float face_cos; // of the largest angle between the axis and a face; -1 likewise
+    float thickness; // how far a receiver lies from the plane through the centre across the axis, at most
+    float aside;    // how far lookups may be pushed from their receivers, at most
     uint sums;      // the lightmap's tile that it adds to
     uint instance;
 };

@@ -1,11 +1,11 @@
 // Tests against the blocks of a hemicube (depth_blocks.comp): conservative, so that what is left out changes no bit.
 
 // The most blocks that are looked at; what spreads over more is taken as seen.
-const uint MOST_BLOCKS = 32;
+const uint MOST_BLOCKS = 64;
 
 // Whether a box (centre and half size in a face's axes) lies behind the farthest thing in every block that it touches, even
-// if it were nearer by the factor `slack` and its outline `margin` blocks wider.
-bool covered(Floats blocks, uint view, uint face, vec3 center, vec3 half_size, float slack, float margin) {
+// if it were nearer by the factor `slack`. `whole`: all of it must lie inside the face.
+bool covered(Floats blocks, uint view, uint face, vec3 center, vec3 half_size, float slack, bool whole) {
     float near = center.z - half_size.z, far = center.z + half_size.z;
     if (near <= 1e-4 * far) return false;
     vec2 low = center.xy - half_size.xy, high = center.xy + half_size.xy;
@@ -13,8 +13,10 @@ bool covered(Floats blocks, uint view, uint face, vec3 center, vec3 half_size, f
     high /= mix(vec2(far), vec2(near), greaterThan(high, vec2(0.0)));
     float shift = face == 0 ? 1.0 : 0.0;
     const float scale = 0.5 * float(BLOCKS);
+    const float margin = 0.01; // blocks: for rounding
     uvec2 last = uvec2(BLOCKS, face == 0 ? BLOCKS : BLOCKS / 2) - 1;
     vec2 origin = vec2(1.0, shift);
+    if (whole && (any(lessThan(low, -origin)) || any(greaterThan(high, vec2(1.0))))) return false;
     uvec2 from = min(uvec2(max((low + origin) * scale - margin, vec2(0.0))), last);
     uvec2 to = min(uvec2(max((high + origin) * scale + margin, vec2(0.0))), last);
     uvec2 span = to - from + 1;

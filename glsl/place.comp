@@ -28,6 +28,8 @@ layout(push_constant, scalar) uniform Push {
 
 shared vec3 positions[TILE];
 shared vec3 normals[TILE];
+shared vec3 faces[TILE];
+shared float pushes[TILE];
 
 void main() {
     uint sums = first_texels + gl_WorkGroupID.x;
@@ -65,6 +67,9 @@ void main() {
     receivers.at[slot].clearance = clearances.at[sums * TILE + lane];
     positions[lane] = position;
     normals[lane] = normal;
+    faces[lane] = face;
+    Clearance clearance = clearances.at[sums * TILE + lane];
+    pushes[lane] = length(clearance.push) * clearance.way;
     barrier();
     if (lane != 0) return;
 
@@ -78,13 +83,22 @@ void main() {
     }
     float length_squared = dot(sum, sum);
     vec3 axis = length_squared > 1e-12 ? sum * inversesqrt(length_squared) : vec3(0.0, 0.0, 1.0);
-    float cone_cos = 1.0;
-    for (uint i = 0; i < TILE; ++i) cone_cos = min(cone_cos, dot(axis, normals[i]));
-    tiles.at[tile].center = 0.5 * (low + high);
+    float cone_cos = 1.0, face_cos = 1.0, aside = 0.0, thickness = 0.0;
+    vec3 center = 0.5 * (low + high);
+    for (uint i = 0; i < TILE; ++i) {
+        cone_cos = min(cone_cos, dot(axis, normals[i]));
+        face_cos = min(face_cos, dot(axis, faces[i]));
+        aside = max(aside, pushes[i]);
+        thickness = max(thickness, abs(dot(axis, positions[i] - center)));
+    }
+    tiles.at[tile].center = center;
     // Rounding must not let a receiver out of its own box.
     tiles.at[tile].extent = 0.5 * (high - low) + 1e-6 * (abs(low) + abs(high));
+    tiles.at[tile].thickness = thickness + 1e-6 * dot(abs(low) + abs(high), vec3(1.0));
+    tiles.at[tile].aside = aside;
     tiles.at[tile].sums = sums;
     tiles.at[tile].instance = place;
     tiles.at[tile].axis = axis;
     tiles.at[tile].cone_cos = cone_cos > 0.01 && length_squared > 1e-12 ? cone_cos - 1e-5 : -1.0;
+    tiles.at[tile].face_cos = face_cos > 0.01 && length_squared > 1e-12 ? face_cos - 1e-5 : -1.0;
 }

@@ -34,7 +34,7 @@ bool is_first(uint view, vec3 offset, vec3 extent, uint count) {
 bool hidden(uint view, uint face, Face f, vec3 offset, vec3 extent) {
     vec3 center = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
     vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent));
-    return covered(blocks, view, face, center, half_size, 1.0001, 0.01);
+    return covered(blocks, view, face, center, half_size, 1.0001, false);
 }
 
 // Whether a box around `offset` from the view's origin touches what the view is limited to.

@@ -4,6 +4,8 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_atomic_int64 : require
 #include "common.glsl"
+#include "view.glsl"
+#include "hidden.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -15,10 +17,13 @@ layout(push_constant, scalar) uniform Push {
     Pairs lists;      // FORMS lists of tile_count entries each
     ListHeads heads;  // FORMS
     Sums pairs;       // FORMS: pairs of a texel and a light that were left in, so far
+    Views views;
+    Floats blocks;    // of the views' depth maps
     uint tile_count;
     uint light_count;
     float epsilon;    // half a texel: VPL13 fig. 8
     float far;        // a polygon further away than this many of its radii is evaluated as a disk
+    uint occlusion;   // not 0: lights have one tap, and what it finds in no texel of a tile need not be asked for
 };
 
 // The t at which `from + way t` is in a box around the origin, `half_size + t widening` large each way, as (first, last):
@@ -66,6 +71,44 @@ bool differs(uint i, vec3 center, vec3 extent) {
     return false;
 }
 
+// Pixels' half diagonals between a lookup and the centre of its pixel, as an angle: 1 / size of them.
+const float PIXEL_ANGLE = 1.5;
+// How far a lookup lies from its receiver at most, in distances to the light over the map's size: lifted, and pushed away
+// from what stands beside it (visibility.glsl).
+const float LIFTED = 0.6, PUSHED = 2.2;
+// Depths are compared with less slack than this.
+const float SLACK = 1.01;
+
+// Whether no receiver of the tile sees the light: everything that its lookups can find lies before the receivers' planes.
+// `lowest`: of the tile above the emitter's plane.
+bool occluded(uint i, uint tile, vec3 center, vec3 extent, vec3 axis, float lowest) {
+    uint view = lights.at[i].view;
+    float face_cos = tiles.at[tile].face_cos;
+    vec3 offset = center - views.at[view].origin;
+    float size = float(views.at[view].size);
+    // Near the emitter's plane receivers are moved out of it.
+    float shifted = lowest > epsilon ? 0.0 : 8.0 * epsilon;
+    float farthest = length(offset) + length(extent) + shifted;
+    float lifted = farthest * LIFTED / size;
+    float moved = shifted + lifted + min(farthest * PUSHED / size, tiles.at[tile].aside);
+    farthest += moved;
+    // The least cosine between a face and the way to the light (pushes lie in the face's plane), and how much nearer than a
+    // receiver its plane can be along the ray of a pixel beside it.
+    float height = -dot(axis, offset) - tiles.at[tile].thickness;
+    float least = (height * face_cos - lifted - shifted) / farthest - sqrt(max(0.0, 1.0 - face_cos * face_cos));
+    float angle = PIXEL_ANGLE / size;
+    float plane = least / (least + angle) * (1.0 - angle);
+    vec3 x = views.at[view].x, y = views.at[view].y, z = views.at[view].z;
+    vec3 local = vec3(dot(x, offset), dot(y, offset), dot(z, offset));
+    vec3 a = abs(local);
+    bool top = local.z >= max(a.x, a.y);
+    uint face = top ? 0 : a.x >= a.y ? (local.x < 0.0 ? 2 : 1) : (local.y < 0.0 ? 4 : 3);
+    Face f = face_axes(face, x, y, z);
+    vec3 middle = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
+    vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent)) + moved;
+    return least > 0.0 && face_cos > 0.0 && covered(blocks, view, face, middle, half_size, SLACK / max(plane, 1e-6), true);
+}
+
 void main() {
     uint tile = gl_GlobalInvocationID.x;
     if (tile >= tile_count) return;
@@ -107,8 +150,10 @@ void main() {
         bool all_above = cone_cos >= 0.0 && worst * across - spread > 0.0;
         bool faced = true;
         bool area = kind == LIGHT_POLYGON || kind == LIGHT_DISK;
-        if (area || kind == LIGHT_SPOT)
-            faced = -dot(normal, to_light) + dot(abs(normal), extent) + epsilon > 0.0;
+        float above = -dot(normal, to_light);
+        float around = dot(abs(normal), extent);
+        if (area || kind == LIGHT_SPOT) faced = above + around + epsilon > 0.0;
+        if (any_above && faced && area && occlusion != 0) faced = !occluded(i, tile, center, extent, axis, above - around);
         if (any_above && faced) {
             uint form = FORM_DIRECTIONAL;
             if (kind == LIGHT_POINT || kind == LIGHT_SPOT) form = FORM_PUNCTUAL;

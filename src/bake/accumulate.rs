@@ -55,6 +55,8 @@ pub(super) struct AccumulatePass {
     pairs: Buffer,
     /// Tiles that have sums.
     tiles: u32,
+    /// Tiles that see nothing of a light are left out: the same bits, sooner.
+    occlusion: bool,
     evaluation: Evaluation,
 }
 
@@ -77,10 +79,13 @@ struct CullPush {
     lists: Address,
     heads: Address,
     pairs: Address,
+    views: Address,
+    blocks: Address,
     tile_count: u32,
     light_count: u32,
     epsilon: f32,
     far: f32,
+    occlusion: u32,
 }
 
 #[repr(C)]
@@ -139,6 +144,7 @@ impl AccumulatePass {
             sums,
             pairs,
             tiles: receivers.texel_tiles(),
+            occlusion: true,
             evaluation,
         })
     }
@@ -157,6 +163,12 @@ impl AccumulatePass {
         cmd.barrier(Stage::Transfer, Stage::All);
         self.tiles = receivers.texel_tiles();
         Ok(())
+    }
+
+    /// Whether tiles that see nothing of a light are left out.
+    #[cfg(test)]
+    pub(super) fn set_occlusion(&mut self, on: bool) {
+        self.occlusion = on;
     }
 
     /// Sets all sums to 0.
@@ -223,10 +235,13 @@ impl AccumulatePass {
                 pairs: self
                     .pairs
                     .address_at(u64::from(soft) * u64::from(FORMS) * 8),
+                views: shadow.views(),
+                blocks: shadow.blocks(),
                 tile_count,
                 light_count: lights.len() as u32,
                 epsilon: self.evaluation.epsilon,
                 far: if soft { DIRECT_FAR } else { FAR },
+                occlusion: u32::from(self.occlusion && !soft),
             };
             cmd.dispatch(&self.cull, &push, [tile_count, 1, 1]);
             self.heads.finish(cmd);

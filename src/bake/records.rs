@@ -38,6 +38,9 @@ pub(super) struct Tile {
     pub extent: [f32; 3],
     pub axis: [f32; 3],
     pub cone_cos: f32,
+    pub face_cos: f32,
+    pub thickness: f32,
+    pub aside: f32,
     pub sums: u32,
     pub instance: u32,
 }

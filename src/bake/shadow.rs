@@ -33,6 +33,8 @@ pub(super) struct ShadowPass {
     views: Buffer,
     depth: Buffer,
     blocks: Buffer,
+    /// Scenes of fewer chunks are drawn at once: nothing is looked for that is hidden.
+    few: u32,
 }
 
 /// Which chunks are drawn.
@@ -160,7 +162,14 @@ impl ShadowPass {
                 MAX_VIEWS * u64::from(VIEW_BLOCKS) * 4,
                 Memory::Device,
             )?,
+            few: FEW_CHUNKS,
         })
+    }
+
+    /// Whether what is hidden is left out, in scenes of any size.
+    #[cfg(test)]
+    pub(super) fn set_occlusion(&mut self, on: bool) {
+        self.few = if on { 0 } else { u32::MAX };
     }
 
     pub(super) fn views(&self) -> Address {
@@ -175,6 +184,11 @@ impl ShadowPass {
     /// The first `elements` of the depth maps drawn last.
     pub(super) fn read_depth(&self, elements: usize) -> Result<Vec<f32>> {
         self.depth.read(0..elements)
+    }
+
+    /// What hides in the maps drawn last: see [`super::shared::VIEW_BLOCKS`].
+    pub(super) fn blocks(&self) -> Address {
+        self.blocks.address()
     }
 
     pub(super) fn depth(&self) -> Address {
@@ -200,10 +214,19 @@ impl ShadowPass {
         cmd.upload(&self.views, 0, views)?;
         cmd.fill(&self.depth, 0, elements * 4, 0);
         let chunks = occluders.whole.count().max(occluders.masked.count());
-        if chunks < FEW_CHUNKS {
-            return self.draw(gpu, cmd, occluders, instances, views.len(), Which::All);
+        if chunks < self.few {
+            self.draw(gpu, cmd, occluders, instances, views.len(), Which::All)?;
+        } else {
+            self.draw(gpu, cmd, occluders, instances, views.len(), Which::First)?;
+            self.find_blocks(cmd, views.len());
+            self.draw(gpu, cmd, occluders, instances, views.len(), Which::Rest)?;
         }
-        self.draw(gpu, cmd, occluders, instances, views.len(), Which::First)?;
+        self.find_blocks(cmd, views.len());
+        Ok(())
+    }
+
+    /// What hides, block by block, in the first `views` views as they are drawn so far.
+    fn find_blocks(&self, cmd: &mut Commands, views: usize) {
         cmd.barrier(Stage::Compute, Stage::Compute);
         cmd.scope("depth blocks", |cmd| {
             let push = BlocksPush {
@@ -211,10 +234,9 @@ impl ShadowPass {
                 depth: self.depth.address(),
                 blocks: self.blocks.address(),
             };
-            cmd.dispatch(&self.blocks_of, &push, [VIEW_BLOCKS, views.len() as u32, 1]);
+            cmd.dispatch(&self.blocks_of, &push, [VIEW_BLOCKS, views as u32, 1]);
         });
         cmd.barrier(Stage::All, Stage::All);
-        self.draw(gpu, cmd, occluders, instances, views.len(), Which::Rest)
     }
 
     /// Draws some of the chunks into the first `views` views.

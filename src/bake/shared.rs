@@ -57,7 +57,7 @@ pub const WRAP_CLAMP: u32 = 2;
 /// Most lights per batch: one bit each in a tile's mask.
 pub const BATCH: u32 = 32;
 /// Blocks of pixels along the edge of a hemicube's top face, by which is told what is hidden.
-pub const BLOCKS: u32 = 16;
+pub const BLOCKS: u32 = 32;
 /// Blocks of a hemicube.
 pub const VIEW_BLOCKS: u32 = 3 * BLOCKS * BLOCKS;
 /// Lists are dispatched as rows of this many workgroups: the guaranteed limit is 65,535 a dimension.

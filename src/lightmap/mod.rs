@@ -21,6 +21,7 @@ mod seams;
 mod shape;
 mod skyline;
 pub mod texels;
+mod tiles;
 mod unwrap;
 pub(crate) mod viewpoint;
 
@@ -98,8 +99,8 @@ pub struct UvVertex {
 
 /// A surface sample that receives light: what one lit texel of the lightmap stands for. Shared with the shaders.
 ///
-/// Texels are listed object by object, chart by chart, in Morton order, so that 64 neighbours in the list (a *tile*) are
-/// neighbours on the surface; an object's last tile is filled up with texels whose `pixel` is [`Texel::NONE`].
+/// Texels are listed object by object, so that every 64 in the list (a *tile*) lie together and face alike; an object's last
+/// tile is filled up with texels whose `pixel` is [`Texel::NONE`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Texel {

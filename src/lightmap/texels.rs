@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::tiles::arrange;
 use super::{Atlas, Clearance, ObjectAtlas, Texel};
 use crate::scene::{Mesh, Scene};
 
@@ -81,7 +82,7 @@ impl Claims {
 /// All texels that receive light.
 #[derive(Clone, Debug, Default)]
 pub struct Texels {
-    /// By object, then chart, then Morton code of (x, y); each object's last tile is filled up with copies of its last
+    /// By object; within it in tiles that lie together and face alike, the last of them filled up with copies of its last
     /// texel whose `pixel` is [`Texel::NONE`].
     pub list: Vec<Texel>,
     /// Per object, its tiles of [`Texel::TILE`] entries of the list; those of an object that is gone stay.
@@ -95,8 +96,6 @@ pub struct Texels {
 /// A claimed texel on its way into the list.
 #[derive(Clone, Copy)]
 struct Claimed {
-    /// Chart, then Morton code.
-    key: u64,
     /// Inside its page.
     at: UVec2,
     /// Inside its mesh.
@@ -184,6 +183,7 @@ impl Texels {
                         pixel: (page + claimed.at.y) * atlas.page_size + claimed.at.x,
                     };
                 });
+            arrange(&mut own[..claimed.len()]);
             if let Some(last) = claimed.len().checked_sub(1) {
                 let filler = Texel {
                     pixel: Texel::NONE,
@@ -196,14 +196,14 @@ impl Texels {
     }
 }
 
-/// The object's claimed texels in the list's order.
+/// The object's claimed texels, row by row.
 fn collect(atlas: &Atlas, layout: &ObjectAtlas, own: Range<u32>, claims: &Claims) -> Vec<Claimed> {
     if own.is_empty() {
         return Vec::new();
     }
     let page = &claims.pages[layout.page as usize];
     let end = (layout.origin + layout.size).min(UVec2::splat(atlas.page_size));
-    let mut claimed: Vec<Claimed> = (layout.origin.y..end.y)
+    (layout.origin.y..end.y)
         .into_par_iter()
         .with_min_len(16)
         .flat_map_iter(|y| {
@@ -212,28 +212,13 @@ fn collect(atlas: &Atlas, layout: &ObjectAtlas, own: Range<u32>, claims: &Claims
             (layout.origin.x..end.x).filter_map(move |x| {
                 let triangle = Claims::triangle(page[row + x as usize])?;
                 let triangle = own.contains(&triangle).then(|| triangle - own.start)?;
-                let chart = layout.layout.charts[triangle as usize];
                 Some(Claimed {
-                    key: u64::from(chart) << 32 | u64::from(morton(x, y)),
                     at: UVec2::new(x, y),
                     triangle,
                 })
             })
         })
-        .collect();
-    claimed.par_sort_unstable_by_key(|claimed| claimed.key);
-    claimed
-}
-
-/// Bits of `x` and `y` (below 2^16) in turn.
-fn morton(x: u32, y: u32) -> u32 {
-    let spread = |v: u32| {
-        let v = (v | v << 8) & 0x00ff_00ff;
-        let v = (v | v << 4) & 0x0f0f_0f0f;
-        let v = (v | v << 2) & 0x3333_3333;
-        (v | v << 1) & 0x5555_5555
-    };
-    spread(x) | spread(y) << 1
+        .collect()
 }
 
 /// Object-space position, shading normal and geometric normal.

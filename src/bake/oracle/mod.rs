@@ -4,6 +4,7 @@ mod depth;
 mod horizon;
 mod irradiance;
 mod layout;
+mod occlusion;
 mod versions;
 
 use std::sync::LazyLock;
@@ -152,17 +153,38 @@ pub(super) fn accumulate(
     texels: &[Texel],
     lights: &[(VirtualLight, i32)],
 ) -> Vec<[f64; 3]> {
-    let occluders = Occluders::new(gpu, scene).expect("upload");
     let texels = Texels {
         list: texels.to_vec(),
         tiles: std::iter::once(0..(texels.len() / Texel::TILE) as u32).collect(),
         count: texels.len() as u32,
         clearances: Vec::new(),
     };
-    let receivers = Receivers::new(gpu, scene, &[true], &texels).expect("place");
+    let (sums, _) = run(gpu, scene, &texels, lights, EVALUATION, true);
+    let scale = f64::from(EVALUATION.scale);
+    sums.chunks_exact(3 * Texel::TILE)
+        .flat_map(|t| {
+            (0..Texel::TILE).map(move |i| [0, 1, 2].map(|c| t[c * Texel::TILE + i] as f64 / scale))
+        })
+        .collect()
+}
+
+/// Runs the real passes, with or without leaving out what is hidden; returns their sums, and how many pairs of a texel and a
+/// light they evaluated.
+pub(super) fn run(
+    gpu: &Gpu,
+    scene: &Scene,
+    texels: &Texels,
+    lights: &[(VirtualLight, i32)],
+    evaluation: Evaluation,
+    occlusion: bool,
+) -> (Vec<i64>, u64) {
+    let occluders = Occluders::new(gpu, scene).expect("upload");
+    let receivers = Receivers::new(gpu, scene, &[true], texels).expect("place");
     let mut shadow = ShadowPass::new(gpu, 16 << 20).expect("buffers");
     let versions = Versions::new(gpu, &[true], bounds()).expect("buffers");
-    let mut pass = AccumulatePass::new(gpu, &receivers, EVALUATION).expect("buffers");
+    let mut pass = AccumulatePass::new(gpu, &receivers, evaluation).expect("buffers");
+    shadow.set_occlusion(occlusion);
+    pass.set_occlusion(occlusion);
     for batch in lights.chunks(8) {
         let (mut views, mut offset) = (Vec::new(), 0);
         let records: Vec<Light> = batch
@@ -195,13 +217,8 @@ pub(super) fn accumulate(
             .wait()
             .expect("no validation message");
     }
-    let sums = pass.read().expect("read-back");
-    let scale = f64::from(pass.scale());
-    sums.chunks_exact(3 * Texel::TILE)
-        .flat_map(|t| {
-            (0..Texel::TILE).map(move |i| [0, 1, 2].map(|c| t[c * Texel::TILE + i] as f64 / scale))
-        })
-        .collect()
+    let pairs = pass.pairs().expect("read-back").values().sum();
+    (pass.read().expect("read-back"), pairs)
 }
 
 pub(super) fn random_light(numbers: &mut Numbers, kind: usize) -> VirtualLight {
