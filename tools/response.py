@@ -21,7 +21,9 @@ import sys
 import tempfile
 
 # Position and target of cameras that see what a script edits.
-VIEWS = {}
+VIEWS = {
+    "museum": (-8.8, 2.2, -10.5, -14.5, 1.2, -15.5),
+}
 
 
 def play(rebake, scene, script, options, out):
