@@ -13,6 +13,10 @@ packages=(
     gcc g++ libc6-dev pkg-config
 )
 
+# What a window needs on X11 beside the C library, and what tests drive one with.
+window_packages=(libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 libx11-xcb1)
+test_packages=("${window_packages[@]}" xvfb xdotool)
+
 # A relative target directory is meant from the clone, because that is where cargo runs.
 case "${CARGO_TARGET_DIR:-}" in
     "") target="$root/target" ;;

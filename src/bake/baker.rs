@@ -254,7 +254,7 @@ impl Baker {
     }
 
     /// Finds room in the lightmap for objects that came.
-    fn lay_out(&mut self) -> Result<(), BakeError> {
+    pub(super) fn lay_out(&mut self) -> Result<(), BakeError> {
         let scene = self.editor.scene().clone();
         let new = self.atlas.update(&scene)?;
         if !new.is_empty() {
@@ -274,7 +274,7 @@ impl Baker {
     }
 
     /// Takes a change of the scene in: everything that it makes wrong is known to be wrong from here on.
-    fn follow(&mut self, old: &Scene, change: &Change) -> Result<(), BakeError> {
+    pub(super) fn follow(&mut self, old: &Scene, change: &Change) -> Result<(), BakeError> {
         let scene = self.editor.scene().clone();
         if change.is_empty() {
             return Ok(());

@@ -299,6 +299,22 @@ impl Commands {
     }
 }
 
+impl Commands {
+    /// As [`Commands::submit`], after `free` is signalled; signals `drawn` as well.
+    pub(super) fn submit_for_window(
+        mut self,
+        free: vk::Semaphore,
+        drawn: vk::Semaphore,
+    ) -> Result<Ticket> {
+        let recording = self.recording.take().expect("submitted once, here");
+        let gpu = self.gpu.clone();
+        let value = gpu
+            .queue()
+            .submit_between(&gpu.0, recording, Some([free, drawn]))?;
+        Ok(Ticket { gpu, value })
+    }
+}
+
 impl Drop for Commands {
     fn drop(&mut self) {
         if let Some(recording) = self.recording.take() {

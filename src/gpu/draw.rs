@@ -228,7 +228,21 @@ impl Commands {
 
     /// Copies an image's first layer into a buffer, row after row.
     pub fn copy_from_image(&mut self, from: &Image, to: &Buffer, offset: u64) {
+        self.copy_out(from, [0, 0], from.size(), to, offset);
+    }
+
+    /// Copies a pixel of an image's first layer to the beginning of a buffer.
+    pub fn copy_pixel(&mut self, from: &Image, at: [u32; 2], to: &Buffer) {
         let size = from.size();
+        assert!(
+            at[0] < size[0] && at[1] < size[1],
+            "`{}` is smaller",
+            from.name()
+        );
+        self.copy_out(from, at, [1, 1], to, 0);
+    }
+
+    fn copy_out(&mut self, from: &Image, at: [u32; 2], size: [u32; 2], to: &Buffer, offset: u64) {
         let bytes = u64::from(size[0]) * u64::from(size[1]) * from.format().bytes();
         assert!(
             offset + bytes <= to.size(),
@@ -240,14 +254,14 @@ impl Commands {
             buffer_row_length: 0,
             buffer_image_height: 0,
             image_subresource: from.part(0, 0..1),
-            image_offset: vk::Offset3D::default(),
+            image_offset: offset3(at.map(|v| v as i32), 0),
             image_extent: vk::Extent3D {
                 width: size[0],
                 height: size[1],
                 depth: 1,
             },
         }];
-        // SAFETY: the region is all of the image and fits into the buffer.
+        // SAFETY: the region lies inside the image and fits into the buffer.
         unsafe {
             self.device().cmd_copy_image_to_buffer(
                 self.raw(),

@@ -30,6 +30,9 @@ pub enum GpuError {
         "the layer VK_LAYER_KHRONOS_validation is not installed; install vulkan-validationlayers, or leave --validate out"
     )]
     NoValidation,
+    /// The window system.
+    #[error("no window can be opened: {0}; with --headless the viewer needs none")]
+    NoWindow(String),
     /// An allocation failed.
     #[error(
         "out of memory: {name} needs {bytes} bytes ({reason}); lower --texels, --density or --shadow-size"

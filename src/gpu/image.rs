@@ -338,6 +338,30 @@ impl Image {
         Ok(())
     }
 
+    /// An image of the window system's.
+    pub(super) fn foreign(
+        gpu: &Gpu,
+        handle: vk::Image,
+        format: Format,
+        size: [u32; 2],
+    ) -> Result<Self> {
+        Ok(Self {
+            gpu: gpu.clone(),
+            handle,
+            view: gpu.view(handle, format, 1, 1, false)?,
+            allocation: None,
+            bytes: 0,
+            options: ImageOptions {
+                size,
+                layers: 1,
+                mips: false,
+                samples: 1,
+                format,
+            },
+            name: "window".into(),
+        })
+    }
+
     /// Pixels.
     pub fn size(&self) -> [u32; 2] {
         self.options.size

@@ -48,12 +48,12 @@ impl Messages {
 
 /// The instance and its debug messenger.
 pub(super) struct Instance {
-    // Declared before `_entry`: the loader must outlive everything it made.
+    // Declared before `entry`: the loader must outlive everything it made.
     pub(super) raw: ash::Instance,
     debug: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(super) has_debug_utils: bool,
     pub(super) messages: Box<Messages>,
-    _entry: ash::Entry,
+    pub(super) entry: ash::Entry,
 }
 
 unsafe extern "system" fn on_message(
@@ -96,7 +96,8 @@ unsafe extern "system" fn on_message(
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 impl Instance {
-    pub(super) fn new(validate: bool) -> Result<Self> {
+    /// `window`: what the window system needs.
+    pub(super) fn new(validate: bool, window: &[*const std::ffi::c_char]) -> Result<Self> {
         // SAFETY: the loader is a system library without load-time preconditions; it is kept for as long as `raw`.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| GpuError::NoLoader(e.to_string()))?;
         // SAFETY: plain enumeration calls and an instance creation whose pointers outlive the calls.
@@ -130,6 +131,7 @@ impl Instance {
             let extension_names: Vec<_> = has_debug_utils
                 .then_some(ext::debug_utils::NAME.as_ptr())
                 .into_iter()
+                .chain(window.iter().copied())
                 .collect();
             let info = vk::InstanceCreateInfo::default()
                 .application_info(&app)
@@ -138,6 +140,9 @@ impl Instance {
             let raw = entry
                 .create_instance(&info, None)
                 .map_err(|result| match result {
+                    vk::Result::ERROR_EXTENSION_NOT_PRESENT => {
+                        GpuError::NoWindow("the Vulkan loader knows no such window system".into())
+                    }
                     vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
                         GpuError::NoDevice("(no driver answers)".into())
                     }
@@ -152,10 +157,10 @@ impl Instance {
                 debug: None,
                 has_debug_utils,
                 messages: Box::default(),
-                _entry: entry,
+                entry,
             };
             if validate {
-                let debug = ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
+                let debug = ext::debug_utils::Instance::new(&instance.entry, &instance.raw);
                 let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
                     .message_severity(
                         vk::DebugUtilsMessageSeverityFlagsEXT::WARNING

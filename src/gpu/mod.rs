@@ -16,6 +16,7 @@ mod image;
 mod instance;
 mod pipeline;
 mod queue;
+mod swapchain;
 #[cfg(test)]
 pub(crate) mod testing;
 mod ticket;
@@ -25,6 +26,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use raw_window_handle::HasDisplayHandle;
 
 pub use buffer::{Address, Buffer, Memory};
 pub use commands::{Commands, Stage};
@@ -34,6 +36,7 @@ pub use graphics::{Blend, DepthUse, GraphicsOptions, GraphicsPipeline, Topology}
 pub use image::{Edge, Format, Image, ImageOptions, Sampler, Textures};
 pub use instance::{DeviceInfo, GpuOptions};
 pub use pipeline::{Pipeline, Shader};
+pub use swapchain::{Frame, Swapchain};
 pub use ticket::{Ticket, Timing};
 
 use instance::Instance;
@@ -60,7 +63,7 @@ struct Shared {
 
 /// Lists every device with what it lacks.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
-    Instance::new(false)?.devices()
+    Instance::new(false, &[])?.devices()
 }
 
 impl Gpu {
@@ -69,7 +72,24 @@ impl Gpu {
     /// # Errors
     /// No loader, no device that matches, a missing feature (by name), no validation layer when it was asked for.
     pub fn new(options: &GpuOptions) -> Result<Self> {
-        let instance = Instance::new(options.validate)?;
+        Self::open(options, &[])
+    }
+
+    /// Opens a device that can draw into windows of a display: see [`Gpu::swapchain`].
+    ///
+    /// # Errors
+    /// As [`Gpu::new`], and [`GpuError::NoWindow`].
+    pub fn for_window(options: &GpuOptions, display: &impl HasDisplayHandle) -> Result<Self> {
+        let display = display
+            .display_handle()
+            .map_err(|e| GpuError::NoWindow(e.to_string()))?;
+        let extensions = ash_window::enumerate_required_extensions(display.as_raw())
+            .map_err(|e| GpuError::NoWindow(e.to_string()))?;
+        Self::open(options, extensions)
+    }
+
+    fn open(options: &GpuOptions, window: &[*const std::ffi::c_char]) -> Result<Self> {
+        let instance = Instance::new(options.validate, window)?;
         let info = instance.choose(options.device.as_deref())?;
         // SAFETY: handles come from this instance; all pointers outlive the calls.
         unsafe {
@@ -98,8 +118,13 @@ impl Gpu {
                 .queue_priorities(&[1.0])];
             let mut required = features::required();
             let mut chain = required.chain();
+            let extensions: Vec<_> = (!window.is_empty())
+                .then_some(ash::khr::swapchain::NAME.as_ptr())
+                .into_iter()
+                .collect();
             let create = vk::DeviceCreateInfo::default()
                 .queue_create_infos(&queues)
+                .enabled_extension_names(&extensions)
                 .push_next(&mut chain);
             let device = instance
                 .raw

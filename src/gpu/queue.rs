@@ -1,9 +1,11 @@
 //! The one queue: submissions in order, what waits for them (garbage, ring space, timestamps), and the host's waits.
 
+use std::any::Any;
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use ash::vk;
+use ash::{khr, vk};
 use gpu_allocator::vulkan::{Allocation, Allocator};
 
 use super::Shared;
@@ -28,6 +30,14 @@ pub(super) enum Garbage {
     },
     Sampler(vk::Sampler),
     Set(vk::DescriptorPool, vk::DescriptorSetLayout),
+    Semaphore(vk::Semaphore),
+    Swapchain(khr::swapchain::Device, vk::SwapchainKHR),
+    /// With the window that it belongs to.
+    Surface(
+        khr::surface::Instance,
+        vk::SurfaceKHR,
+        Arc<dyn Any + Send + Sync>,
+    ),
 }
 
 /// A command buffer with its pool and timestamps, reused when its submission has finished.
@@ -155,15 +165,49 @@ impl Queue {
         self.idle.push(recording);
     }
 
+    pub(super) fn raw(&self) -> vk::Queue {
+        self.raw
+    }
+
+    pub(super) fn family(&self) -> u32 {
+        self.family
+    }
+
+    /// Waits for everything that was submitted and frees what waited for it.
+    pub(super) fn idle(&mut self, shared: &Shared) -> Result<()> {
+        // SAFETY: the queue is locked.
+        unsafe { shared.device.queue_wait_idle(self.raw) }
+            .map_err(GpuError::call("vkQueueWaitIdle"))?;
+        self.collect(shared)
+    }
+
     pub(super) fn submit(&mut self, shared: &Shared, recording: Recording) -> Result<u64> {
+        self.submit_between(shared, recording, None)
+    }
+
+    /// Submits; with semaphores to wait for and to signal besides.
+    pub(super) fn submit_between(
+        &mut self,
+        shared: &Shared,
+        recording: Recording,
+        window: Option<[vk::Semaphore; 2]>,
+    ) -> Result<u64> {
         let value = self.submitted + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(recording.buffer)];
-        let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.semaphore)
-            .value(value)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let at = |semaphore| {
+            vk::SemaphoreSubmitInfo::default()
+                .semaphore(semaphore)
+                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        };
+        let mut signals = vec![at(self.semaphore).value(value)];
+        let mut waits = Vec::new();
+        if let Some([wait, signal]) = window {
+            waits.push(at(wait));
+            signals.push(at(signal));
+        }
         let info = [vk::SubmitInfo2::default()
             .command_buffer_infos(&buffers)
+            .wait_semaphore_infos(&waits)
             .signal_semaphore_infos(&signals)];
         // SAFETY: the recording has ended and is not in flight; the queue is locked.
         let sent = unsafe {
@@ -209,13 +253,22 @@ impl Queue {
 
     /// Waits for submission `value` and collects what waited for it.
     pub(super) fn wait(&mut self, shared: &Shared, value: u64) -> Result<()> {
-        let semaphores = [self.semaphore];
-        let values = [value];
-        let info = vk::SemaphoreWaitInfo::default()
-            .semaphores(&semaphores)
-            .values(&values);
-        // SAFETY: as above.
-        if let Err(result) = unsafe { shared.device.wait_semaphores(&info, u64::MAX) } {
+        let waited = wait(shared, self.semaphore, value);
+        self.waited(shared, waited)
+    }
+
+    /// The semaphore that counts submissions.
+    pub(super) fn semaphore(&self) -> vk::Semaphore {
+        self.semaphore
+    }
+
+    /// After a wait: collects what waited for it, or says what failed.
+    pub(super) fn waited(
+        &mut self,
+        shared: &Shared,
+        waited: std::result::Result<(), vk::Result>,
+    ) -> Result<()> {
+        if let Err(result) = waited {
             return Err(match self.in_flight.front() {
                 Some((_, running)) => self.failure("vkWaitSemaphores", result, running),
                 None => GpuError::Call {
@@ -368,6 +421,20 @@ impl Queue {
     }
 }
 
+/// Waits until the semaphore has counted to `value`. Needs no lock: others submit meanwhile.
+pub(super) fn wait(
+    shared: &Shared,
+    semaphore: vk::Semaphore,
+    value: u64,
+) -> std::result::Result<(), vk::Result> {
+    let (semaphores, values) = ([semaphore], [value]);
+    let info = vk::SemaphoreWaitInfo::default()
+        .semaphores(&semaphores)
+        .values(&values);
+    // SAFETY: the semaphore lives as long as the queue, which `shared` owns.
+    unsafe { shared.device.wait_semaphores(&info, u64::MAX) }
+}
+
 impl Garbage {
     /// # Safety
     /// The device is done with it.
@@ -386,6 +453,12 @@ impl Garbage {
                     allocation,
                 } => super::image::destroy(handle, view, allocation, device, allocator),
                 Garbage::Sampler(sampler) => device.destroy_sampler(sampler, None),
+                Garbage::Semaphore(semaphore) => device.destroy_semaphore(semaphore, None),
+                Garbage::Swapchain(loader, swapchain) => loader.destroy_swapchain(swapchain, None),
+                Garbage::Surface(loader, surface, window) => {
+                    loader.destroy_surface(surface, None);
+                    drop(window);
+                }
                 Garbage::Set(pool, layout) => {
                     device.destroy_descriptor_pool(pool, None);
                     device.destroy_descriptor_set_layout(layout, None);

@@ -4,6 +4,7 @@ use super::Gpu;
 use super::error::Result;
 
 /// A submission's place in the queue.
+#[derive(Clone)]
 #[must_use = "a submission that nobody waits for may never be checked"]
 pub struct Ticket {
     pub(super) gpu: Gpu,
@@ -16,7 +17,10 @@ impl Ticket {
     /// # Errors
     /// [`super::GpuError::Lost`] with the scopes that were running; [`super::GpuError::Validation`] if the layer has spoken.
     pub fn wait(&self) -> Result<()> {
-        self.gpu.queue().wait(&self.gpu.0, self.value)?;
+        let shared = &self.gpu.0;
+        let semaphore = self.gpu.queue().semaphore();
+        let waited = super::queue::wait(shared, semaphore, self.value);
+        self.gpu.queue().waited(shared, waited)?;
         self.gpu.check_validation()
     }
 

@@ -9,18 +9,14 @@ use serde::{Deserialize, Serialize};
 
 use super::camera::Pose;
 use super::exposure::{Exposure, meter};
-use super::geometry::{Geometry, Placed, Surface};
-use super::resolve::PagesView;
 use super::shaders;
-use super::textures::Materials;
-use crate::bake::shared::{LOOK_LIGHT, LOOK_LIT, LOOK_LUX, LOOK_UNBAKED};
+use super::shown::Shown;
+use crate::bake::shared::{LOOK_LIGHT, LOOK_LIT, LOOK_LUX, LOOK_UNBAKED, LUX_STEP};
 use crate::gpu::{
     Address, Blend, Buffer, Commands, DepthUse, Drawing, Edge, Format, Gpu, GraphicsOptions,
     GraphicsPipeline, Image, ImageOptions, Memory, Result, Stage, Targets, Textures, Ticket,
     Topology,
 };
-use crate::lightmap::Atlas;
-use crate::scene::Scene;
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -89,6 +85,8 @@ struct Canvas {
 struct Metering {
     ticket: Ticket,
     factor: f32,
+    /// Of one pixel of false colours.
+    probe: bool,
 }
 
 /// Draws pictures of a scene.
@@ -98,10 +96,7 @@ pub struct Display {
     meshes: BTreeMap<Look, GraphicsPipeline>,
     tones: BTreeMap<(Look, bool), GraphicsPipeline>,
     canvas: Option<Canvas>,
-    geometry: Geometry,
-    materials: Materials,
-    pages: PagesView,
-    page_size: u32,
+    shown: Option<Arc<Shown>>,
     picture: Buffer,
     placed: Buffer,
     surfaces: Buffer,
@@ -109,6 +104,8 @@ pub struct Display {
     meter: Image,
     metered: Buffer,
     metering: Option<Metering>,
+    probing: bool,
+    probed: Option<f32>,
     /// Exposure of the next picture.
     pub exposure: Exposure,
 }
@@ -126,7 +123,7 @@ pub struct Shot {
 
 impl Display {
     /// Nothing to show yet.
-    pub fn new(gpu: &Gpu, pages: PagesView) -> Result<Self> {
+    pub fn new(gpu: &Gpu) -> Result<Self> {
         let small = ImageOptions {
             size: METER,
             layers: 1,
@@ -140,10 +137,7 @@ impl Display {
             meshes: BTreeMap::new(),
             tones: BTreeMap::new(),
             canvas: None,
-            geometry: Geometry::default(),
-            materials: Materials::new(gpu)?,
-            pages,
-            page_size: 1,
+            shown: None,
             picture: gpu.buffer("picture", size_of::<Picture>() as u64, Memory::Device)?,
             placed: gpu.buffer("placed objects", 0, Memory::Device)?,
             surfaces: gpu.buffer("surfaces", 0, Memory::Device)?,
@@ -151,33 +145,31 @@ impl Display {
             meter: gpu.image("meter", &small)?,
             metered: gpu.buffer("metered", bytes, Memory::Readback)?,
             metering: None,
+            probing: false,
+            probed: None,
             exposure: Exposure::default(),
             gpu: gpu.clone(),
         })
     }
 
-    /// Shows a scene from now on, lit by `pages` through `atlas`; without an atlas it can only be shown unbaked.
-    pub fn show(&mut self, scene: &Scene, atlas: Option<&Atlas>, pages: &PagesView) -> Result<()> {
-        self.geometry.update(&self.gpu, scene, atlas)?;
-        self.materials.update(&self.gpu, scene, pages)?;
-        self.pages = pages.clone();
-        self.page_size = atlas.map_or(1, |a| a.page_size);
-        let bounds = self
-            .geometry
-            .bounds
-            .iter()
-            .fold(crate::scene::Bounds::EMPTY, |all, b| all.union(b));
-        self.nearest = (bounds.size().length() * 1e-4).max(1e-4);
-        let bytes = |n: usize, stride: usize| (n * stride) as u64;
-        let placed = bytes(self.geometry.placed.len(), size_of::<Placed>());
+    /// Shows a scene from now on.
+    pub fn show(&mut self, shown: &Arc<Shown>) -> Result<()> {
+        self.nearest = (shown.bounds().size().length() * 1e-4).max(1e-4);
+        let placed = size_of_val(&shown.geometry.placed[..]) as u64;
         if self.placed.size() < placed {
             self.placed = self.gpu.buffer("placed objects", placed, Memory::Device)?;
         }
-        let surfaces = bytes(self.geometry.surfaces.len(), size_of::<Surface>());
+        let surfaces = size_of_val(&shown.geometry.surfaces[..]) as u64;
         if self.surfaces.size() < surfaces {
             self.surfaces = self.gpu.buffer("surfaces", surfaces, Memory::Device)?;
         }
+        self.shown = Some(Arc::clone(shown));
         Ok(())
+    }
+
+    /// World to clip space of pictures of a size.
+    pub fn clip(&self, pose: &Pose, size: [u32; 2]) -> Mat4 {
+        pose.clip(size[0] as f32 / size[1] as f32, self.nearest)
     }
 
     /// Records a picture into `target`, which is as large as the picture is to be.
@@ -185,20 +177,24 @@ impl Display {
         self.fit(target.size())?;
         self.prepare(shot.look, target.format())?;
         let canvas = self.canvas.as_ref().expect("made above");
-        let aspect = canvas.size[0] as f32 / canvas.size[1] as f32;
-        let clip = shot.pose.clip(aspect, self.nearest);
+        let clip = self.clip(&shot.pose, canvas.size);
+        let shown = self.shown.clone();
+        let pages = shown.as_ref().map(|s| &s.pages);
+        let atlas = shown.as_ref().and_then(|s| s.atlas.as_ref());
         let picture = Picture {
             clip: clip.to_cols_array_2d(),
             eye: shot.pose.position.to_array(),
             exposure: self.exposure.factor(),
-            lux: self.pages.lux,
-            page_size: self.page_size as f32,
+            lux: pages.map_or(1.0, |p| p.lux),
+            page_size: atlas.map_or(1.0, |a| a.page_size as f32),
             scale: shot.scale,
         };
         cmd.barrier(Stage::All, Stage::All);
         cmd.upload(&self.picture, 0, &[picture])?;
-        cmd.upload(&self.placed, 0, &self.geometry.placed)?;
-        cmd.upload(&self.surfaces, 0, &self.geometry.surfaces)?;
+        if let Some(shown) = &shown {
+            cmd.upload(&self.placed, 0, &shown.geometry.placed)?;
+            cmd.upload(&self.surfaces, 0, &shown.geometry.surfaces)?;
+        }
         cmd.barrier(Stage::Transfer, Stage::Draw);
         let targets = Targets {
             color: canvas.samples.as_ref().unwrap_or(&canvas.radiance),
@@ -208,7 +204,9 @@ impl Display {
         };
         cmd.scope("view surfaces", |cmd| {
             cmd.draw(&targets, |drawing| {
-                self.draw_surfaces(drawing, &clip, shot.look)
+                if let Some(shown) = &shown {
+                    self.draw_surfaces(drawing, shown, &clip, shot.look);
+                }
             });
         });
         cmd.barrier(Stage::Draw, Stage::All);
@@ -230,16 +228,16 @@ impl Display {
         Ok(())
     }
 
-    fn draw_surfaces(&self, drawing: &mut Drawing, clip: &Mat4, look: Look) {
+    fn draw_surfaces(&self, drawing: &mut Drawing, shown: &Shown, clip: &Mat4, look: Look) {
         let pipeline = &self.meshes[&look];
         drawing.pipeline(pipeline);
         let (mut material, mut sides) = (None, None);
-        for draw in &self.geometry.draws {
-            if !self.geometry.sees(draw.object, clip) {
+        for draw in &shown.geometry.draws {
+            if !shown.geometry.sees(draw.object, clip) {
                 continue;
             }
             if material.replace(draw.material) != Some(draw.material) {
-                drawing.textures(pipeline, &self.materials.sets[draw.material as usize]);
+                drawing.textures(pipeline, &shown.materials.sets[draw.material as usize]);
             }
             if sides.replace(draw.sides) != Some(draw.sides) {
                 drawing.sides(draw.sides);
@@ -270,7 +268,29 @@ impl Display {
             cmd.copy_from_image(&self.meter, &self.metered, 0);
         });
         cmd.barrier(Stage::Transfer, Stage::Host);
+        self.probing = false;
         true
+    }
+
+    /// As [`Display::measure`], of a picture in false colours: the lux at a place, given as shares of width and height.
+    pub fn probe(&mut self, cmd: &mut Commands, at: [f32; 2]) -> bool {
+        let Some(canvas) = self.canvas.as_ref().filter(|_| self.metering.is_none()) else {
+            return false;
+        };
+        let pixel = [0, 1].map(|i| {
+            let most = canvas.size[i] - 1;
+            (at[i].clamp(0.0, 1.0) * canvas.size[i] as f32).min(most as f32) as u32
+        });
+        cmd.barrier(Stage::All, Stage::Transfer);
+        cmd.copy_pixel(&canvas.radiance, pixel, &self.metered);
+        cmd.barrier(Stage::Transfer, Stage::Host);
+        self.probing = true;
+        true
+    }
+
+    /// The lux that the last probe found; none where nothing is lit.
+    pub fn probed(&self) -> Option<f32> {
+        self.probed
     }
 
     /// The submission that a measurement is part of.
@@ -278,6 +298,7 @@ impl Display {
         self.metering = Some(Metering {
             ticket,
             factor: self.exposure.factor(),
+            probe: self.probing,
         });
     }
 
@@ -290,6 +311,17 @@ impl Display {
             return Ok(None);
         }
         metering.ticket.wait()?;
+        if metering.probe {
+            self.metering = None;
+            let pixel = self
+                .metered
+                .mapped::<u16>(0..4)
+                .into_iter()
+                .map(half::f16::from_bits);
+            let pixel: Vec<f32> = pixel.map(half::f16::to_f32).collect();
+            self.probed = (pixel[3] > 0.5).then(|| pixel[0] / pixel[3] * LUX_STEP as f32);
+            return Ok(None);
+        }
         let halves = self
             .metered
             .mapped::<u16>(0..(4 * METER[0] * METER[1]) as usize);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, Mat4, Vec2, Vec3};
 
-use crate::gpu::{Buffer, Gpu, Result, Sides};
+use crate::gpu::{Buffer, Commands, Gpu, Memory, Result, Sides, Stage};
 use crate::lightmap::{Atlas, UvLayout};
 use crate::scene::{AlphaMode, Bounds, Mesh, Scene, TextureRef};
 
@@ -76,22 +76,25 @@ pub(super) struct Geometry {
 }
 
 impl Geometry {
-    /// Follows the scene; parts that are known are kept. Without an atlas nothing can be lit.
-    pub(super) fn update(&mut self, gpu: &Gpu, scene: &Scene, atlas: Option<&Atlas>) -> Result<()> {
-        let mut parts = BTreeMap::new();
-        self.draws.clear();
-        self.placed.clear();
-        self.bounds.clear();
+    /// Of a scene; parts that `before` has are shared. Without an atlas nothing can be lit.
+    pub(super) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        atlas: Option<&Atlas>,
+        before: Option<&Self>,
+    ) -> Result<Self> {
+        let mut new = Self::default();
+        let mut cmd = gpu.commands()?;
         for (o, object) in (0u32..).zip(&scene.objects) {
             let mesh = &scene.meshes[object.mesh as usize];
             let place = atlas.and_then(|a| a.objects.get(o as usize));
-            self.placed.push(Placed {
+            new.placed.push(Placed {
                 origin: place.map_or([0.0; 2], |p| p.origin.as_vec2().to_array()),
                 page: place.map_or(0.0, |p| p.page as f32),
                 ..Placed::default().at(&object.transform)
             });
             if scene.is_gone(o) {
-                self.bounds.push(Bounds::EMPTY);
+                new.bounds.push(Bounds::EMPTY);
                 continue;
             }
             let layout = place.map(|p| &p.layout).filter(|l| !l.triangles.is_empty());
@@ -99,18 +102,19 @@ impl Geometry {
                 Arc::as_ptr(mesh) as usize,
                 layout.map_or(0, |l| Arc::as_ptr(l) as usize),
             );
-            let part = match parts.get(&key).or_else(|| self.parts.get(&key)) {
+            let known = before.and_then(|b| b.parts.get(&key));
+            let part = match new.parts.get(&key).or(known) {
                 Some(part) => Arc::clone(part),
-                None => Arc::new(Part::new(gpu, scene, mesh, layout)?),
+                None => Arc::new(Part::new(gpu, &mut cmd, scene, mesh, layout)?),
             };
-            self.bounds.push(moved(&part.bounds, &object.transform));
+            new.bounds.push(moved(&part.bounds, &object.transform));
             for (material, indices) in &part.runs {
                 let sides = match scene.materials[*material as usize].double_sided {
                     true => Sides::Both,
                     false if scene.mirrored(o) => Sides::Back,
                     false => Sides::Front,
                 };
-                self.draws.push(Draw {
+                new.draws.push(Draw {
                     sides,
                     part: Arc::clone(&part),
                     object: o,
@@ -118,11 +122,12 @@ impl Geometry {
                     indices: indices.clone(),
                 });
             }
-            parts.insert(key, part);
+            new.parts.insert(key, part);
         }
-        self.parts = parts;
-        self.draws.sort_by_key(|d| d.material);
-        self.surfaces = scene
+        cmd.barrier(Stage::Transfer, Stage::All);
+        let _in_order = cmd.submit()?;
+        new.draws.sort_by_key(|d| d.material);
+        new.surfaces = scene
             .materials
             .iter()
             .map(|m| Surface {
@@ -135,7 +140,7 @@ impl Geometry {
                 },
             })
             .collect();
-        Ok(())
+        Ok(new)
     }
 
     /// Whether any of an object may be seen.
@@ -175,6 +180,7 @@ impl Placed {
 impl Part {
     fn new(
         gpu: &Gpu,
+        cmd: &mut Commands,
         scene: &Scene,
         mesh: &Arc<Mesh>,
         layout: Option<&Arc<UvLayout>>,
@@ -205,9 +211,15 @@ impl Part {
             ),
         };
         let name = &mesh.name;
+        let mut upload = |what: &str, bytes: &[u8]| -> Result<Buffer> {
+            let size = bytes.len() as u64;
+            let buffer = gpu.buffer(&format!("{what} of {name}"), size, Memory::Device)?;
+            cmd.upload(&buffer, 0, bytes)?;
+            Ok(buffer)
+        };
         Ok(Self {
-            vertices: gpu.buffer_with(&format!("vertices of {name}"), &vertices)?,
-            indices: gpu.buffer_with(&format!("indices of {name}"), triangles.as_flattened())?,
+            vertices: upload("vertices", bytemuck::cast_slice(&vertices))?,
+            indices: upload("indices", bytemuck::cast_slice(triangles.as_flattened()))?,
             runs: mesh
                 .primitives
                 .iter()

@@ -1,6 +1,7 @@
 //! Pictures without a window: a script of edits, cameras and frames, played to PNG files.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::ViewError;
@@ -8,6 +9,8 @@ use super::camera::{FOV_Y, Pose};
 use super::display::{Display, Look, Shot};
 use super::resolve::Pages;
 use super::script::{Line, View};
+use super::shown::Shown;
+use super::textures::Samplers;
 use crate::bake::{Baker, Limit};
 use crate::gpu::{Format, Gpu, Image, ImageOptions};
 use crate::lightmap::viewpoint;
@@ -31,6 +34,8 @@ const FILM_STEP: f32 = 1.0 / 30.0;
 pub struct Headless<'a> {
     baker: &'a mut Baker,
     pages: Pages,
+    samplers: Samplers,
+    shown: Option<Arc<Shown>>,
     display: Display,
     target: Image,
     shot: Shot,
@@ -58,7 +63,7 @@ impl<'a> Headless<'a> {
             cause,
         })?;
         let pages = Pages::new(gpu)?;
-        let display = Display::new(gpu, pages.view())?;
+        let display = Display::new(gpu)?;
         let target = gpu.image(
             "frame",
             &ImageOptions {
@@ -75,9 +80,11 @@ impl<'a> Headless<'a> {
             shot: Shot {
                 pose,
                 look: Look::Lit,
-                scale: pages.scale(),
+                scale: pages.view().scale(),
             },
             pages,
+            samplers: Samplers::new(gpu)?,
+            shown: None,
             display,
             target,
             options,
@@ -218,9 +225,20 @@ impl<'a> Headless<'a> {
             }
         }
         if std::mem::take(&mut self.changed) {
-            let atlas = self.baker.atlas();
-            self.display
-                .show(self.baker.scene(), Some(&atlas), &self.pages.view())?;
+            let atlas = Some(Arc::new(self.baker.atlas()));
+            let (scene, document) = (self.baker.scene(), self.baker.document());
+            let pages = self.pages.view();
+            let before = self.shown.as_deref();
+            let shown = Arc::new(Shown::new(
+                &self.samplers,
+                scene,
+                document,
+                atlas,
+                &pages,
+                before,
+            )?);
+            self.display.show(&shown)?;
+            self.shown = Some(shown);
         }
         if !self.display.exposure.is_set() {
             // The first picture is taken twice: the first time to see how bright it is.
@@ -239,7 +257,7 @@ impl<'a> Headless<'a> {
 
     fn take(&mut self, seconds: f32) -> Result<(), ViewError> {
         let mut cmd = self.baker.gpu().commands()?;
-        self.shot.scale = self.scale.unwrap_or(self.pages.scale());
+        self.shot.scale = self.scale.unwrap_or(self.pages.view().scale());
         self.display.record(&mut cmd, &self.target, &self.shot)?;
         let measured = self.shot.look == Look::Lit && self.display.measure(&mut cmd);
         cmd.barrier(crate::gpu::Stage::All, crate::gpu::Stage::All);

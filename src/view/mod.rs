@@ -1,21 +1,39 @@
 //! The viewer: pictures of the scene in the light of its map, while the map is worked on.
 
+mod app;
 pub mod camera;
 mod display;
 mod exposure;
+mod frames;
 mod geometry;
+mod gizmo;
 mod headless;
+pub mod input;
+mod painter;
+mod panels;
+mod pick;
+mod place;
 mod resolve;
 pub mod script;
 mod shaders;
+mod shown;
+mod state;
 mod textures;
+mod units;
+mod worker;
 
 use std::path::PathBuf;
 
+pub use app::{WindowOptions, run_window};
 pub use display::{Display, Look, Shot};
 pub use exposure::{Exposure, meter};
 pub use headless::{Headless, HeadlessOptions};
+pub use place::{Handle, Place};
 pub use resolve::{Pages, PagesView};
+pub use shown::Shown;
+pub use state::{Files, Outcome, Viewer};
+pub use textures::Samplers;
+pub use worker::{News, Request, Setup, Status, Worker};
 
 use crate::bake::BakeError;
 use crate::gpu::GpuError;
@@ -29,6 +47,17 @@ pub enum ViewError {
     /// The bake, or an edit of a script.
     #[error(transparent)]
     Bake(#[from] BakeError),
+    /// The window system.
+    #[error(
+        "no window can be opened: {0}; with --headless --script WALK.jsonl --frames-dir DIR the viewer needs none"
+    )]
+    Window(String),
+    /// The scene's file.
+    #[error(transparent)]
+    Scene(#[from] crate::scene::SceneError),
+    /// The bake's thread has ended.
+    #[error("the bake has ended: {0}")]
+    Ended(String),
     /// A line of a script.
     #[error("line {line}")]
     Line {
@@ -58,4 +87,31 @@ pub enum ViewError {
         #[source]
         cause: std::io::Error,
     },
+}
+
+/// A line for the person at the window.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// What to read.
+    pub text: String,
+    /// Something was refused or has gone wrong.
+    pub failed: bool,
+}
+
+impl Note {
+    /// News.
+    pub fn said(text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            failed: false,
+        }
+    }
+
+    /// Bad news.
+    pub fn failed(text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            failed: true,
+        }
+    }
 }

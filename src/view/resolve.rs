@@ -30,6 +30,13 @@ pub struct PagesView {
     pub(super) lux: f32,
 }
 
+impl PagesView {
+    /// Lux at both ends of false colours that suit the scene: three decades around its mean, in round numbers.
+    pub fn scale(&self) -> [f32; 2] {
+        [0.03, 30.0].map(|share| round(self.lux * share))
+    }
+}
+
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Push {
@@ -61,11 +68,6 @@ impl Pages {
             image: Arc::clone(&self.image),
             lux: self.lux,
         }
-    }
-
-    /// Lux at both ends of false colours that suit the scene: three decades around its mean, in round numbers.
-    pub fn scale(&self) -> [f32; 2] {
-        [0.03, 30.0].map(|share| round(self.lux * share))
     }
 
     /// Brings the images to what the map holds at this moment, in order with what is submitted before and after.

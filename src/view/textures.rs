@@ -7,18 +7,25 @@ use super::resolve::PagesView;
 use crate::gpu::{Edge, Format, Gpu, Image, ImageOptions, Result, Sampler, Stage, Textures};
 use crate::scene::{Scene, Texture, TextureRef, Wrap};
 
-/// Images, samplers and sets.
-pub(super) struct Materials {
+/// What all scenes share.
+pub struct Samplers {
+    gpu: Gpu,
     white: Arc<Image>,
     samplers: BTreeMap<[Edge; 2], Arc<Sampler>>,
+}
+
+/// Images and sets.
+#[derive(Default)]
+pub(super) struct Materials {
     /// By the address of what they were made from, which is kept, so that it stays an address of that.
     images: BTreeMap<usize, (Arc<Texture>, Arc<Image>)>,
     /// By material.
     pub sets: Vec<Textures>,
 }
 
-impl Materials {
-    pub(super) fn new(gpu: &Gpu) -> Result<Self> {
+impl Samplers {
+    /// For a device.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
         let mut samplers = BTreeMap::new();
         let edges = [Edge::Clamp, Edge::Repeat, Edge::Mirror];
         for u in edges {
@@ -29,18 +36,29 @@ impl Materials {
         Ok(Self {
             white: Arc::new(upload(gpu, "white", [1, 1], &[[255; 4]])?),
             samplers,
-            images: BTreeMap::new(),
-            sets: Vec::new(),
+            gpu: gpu.clone(),
         })
     }
 
-    /// Follows the scene; images that are known are kept.
-    pub(super) fn update(&mut self, gpu: &Gpu, scene: &Scene, pages: &PagesView) -> Result<()> {
-        let mut images = BTreeMap::new();
+    pub(super) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+}
+
+impl Materials {
+    /// Of a scene; images that `before` has are shared.
+    pub(super) fn new(
+        samplers: &Samplers,
+        scene: &Scene,
+        pages: &PagesView,
+        before: Option<&Self>,
+    ) -> Result<Self> {
+        let gpu = &samplers.gpu;
+        let mut new = Self::default();
         for (number, texture) in scene.textures.iter().enumerate() {
             let key = Arc::as_ptr(texture) as usize;
-            let image = match self.images.remove(&key) {
-                Some(known) => known,
+            let image = match before.and_then(|b| b.images.get(&key)) {
+                Some(known) => known.clone(),
                 None => {
                     let name = format!("texture {number}");
                     let size = [texture.width, texture.height];
@@ -48,28 +66,32 @@ impl Materials {
                     (Arc::clone(texture), Arc::new(image))
                 }
             };
-            images.insert(key, image);
+            new.images.insert(key, image);
         }
-        self.images = images;
         let light = (
             Arc::clone(&pages.image),
-            Arc::clone(&self.samplers[&[Edge::Clamp; 2]]),
+            Arc::clone(&samplers.samplers[&[Edge::Clamp; 2]]),
         );
-        self.sets = scene
+        new.sets = scene
             .materials
             .iter()
             .map(|m| {
                 gpu.textures(&[
-                    self.look_up(scene, &m.base_color_texture),
-                    self.look_up(scene, &m.emission_texture),
+                    new.look_up(samplers, scene, &m.base_color_texture),
+                    new.look_up(samplers, scene, &m.emission_texture),
                     light.clone(),
                 ])
             })
             .collect::<Result<_>>()?;
-        Ok(())
+        Ok(new)
     }
 
-    fn look_up(&self, scene: &Scene, texture: &Option<TextureRef>) -> (Arc<Image>, Arc<Sampler>) {
+    fn look_up(
+        &self,
+        samplers: &Samplers,
+        scene: &Scene,
+        texture: &Option<TextureRef>,
+    ) -> (Arc<Image>, Arc<Sampler>) {
         let edge = |wrap| match wrap {
             Wrap::Clamp => Edge::Clamp,
             Wrap::Repeat => Edge::Repeat,
@@ -80,9 +102,9 @@ impl Materials {
                 let key = Arc::as_ptr(&scene.textures[t.texture as usize]) as usize;
                 (&self.images[&key].1, t.wrap.map(edge))
             }
-            None => (&self.white, [Edge::Repeat; 2]),
+            None => (&samplers.white, [Edge::Repeat; 2]),
         };
-        (Arc::clone(image), Arc::clone(&self.samplers[&edges]))
+        (Arc::clone(image), Arc::clone(&samplers.samplers[&edges]))
     }
 }
 

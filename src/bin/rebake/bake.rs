@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use glam::Vec3;
-use rebake::bake::{self, AtlasReport, Baked, Job, Options, Report, Settings};
+use rebake::bake::{self, AtlasReport, Baked, Job, Options, Report, Settings, output};
 use rebake::gpu::{Gpu, GpuOptions};
-use rebake::lightmap::{AtlasOptions, export, preview};
+use rebake::lightmap::{AtlasOptions, export};
 use rebake::scene::{Document, Scene, overlay_lights};
 use serde::Deserialize;
 use serde_json::json;
@@ -21,9 +21,6 @@ struct Recorded {
     settings: Settings,
     atlas: AtlasReport,
 }
-
-/// Width and height of preview.png.
-const PREVIEW: [u32; 2] = [960, 540];
 
 pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<()> {
     let console = Console::new(args);
@@ -76,7 +73,7 @@ pub fn prepare(args: &Args, command: &args::Bake) -> anyhow::Result<(Gpu, Scene,
 
 /// Writes a bake's folder, `extra` files included; returns what bake.json says and the files.
 pub fn write(
-    output: &Path,
+    folder: &Path,
     baked: Baked,
     extra: Vec<(String, Vec<u8>)>,
     start: Instant,
@@ -86,23 +83,8 @@ pub fn write(
         baker,
         mut report,
     } = baked;
-    let (scene, document, atlas) = (baker.scene(), baker.document(), baker.atlas());
-    let preview = preview::preview(scene, &atlas, &lightmap, None, PREVIEW[0], PREVIEW[1])
-        .context("encoding the preview")?;
     report.total_seconds = start.elapsed().as_secs_f64();
-    let report_json = serde_json::to_vec_pretty(&report).context("writing the report")?;
-    let mut files = vec![
-        ("bake.json".to_owned(), report_json),
-        ("preview.png".to_owned(), preview),
-    ];
-    files.extend(extra);
-    let content = if report.settings.indirect_only {
-        export::Content::IndirectOnly
-    } else {
-        export::Content::DirectAndIndirect
-    };
-    let written =
-        export::write_outputs(output, document, scene, &atlas, &lightmap, content, files)?;
+    let written = output::write(folder, &baker, &lightmap, &report, extra)?;
     Ok((report, written))
 }
 

@@ -32,6 +32,12 @@ pub struct Args {
     /// Width and height of pictures
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_parser = size)]
     pub size: Size,
+    /// Folder that saved bakes, scenes, scripts and screenshots go to [default: the current one]
+    #[arg(short, long, value_name = "DIR", conflicts_with = "headless")]
+    pub output: Option<PathBuf>,
+    /// At the end, write what frames took as JSON
+    #[arg(long, value_name = "FILE", conflicts_with = "headless")]
+    pub stats: Option<PathBuf>,
     /// No window: play a script to pictures
     #[arg(long, requires = "script", requires = "frames_dir")]
     pub headless: bool,

@@ -13,7 +13,7 @@ use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::AtlasOptions;
 use rebake::scene::Scene;
 use rebake::view::script::Line;
-use rebake::view::{Headless, HeadlessOptions};
+use rebake::view::{Headless, HeadlessOptions, WindowOptions, run_window};
 
 use args::Args;
 
@@ -34,7 +34,16 @@ fn run(args: &Args) -> anyhow::Result<()> {
         validate: args.validate,
     };
     let (Some(script), Some(folder)) = (&args.script, &args.frames_dir) else {
-        anyhow::bail!("--headless needs --script and --frames-dir");
+        let folder = args.output.clone();
+        return Ok(run_window(WindowOptions {
+            scene: args.scene.clone(),
+            size: args.size.0,
+            slice: args.frame(),
+            job: job(args),
+            gpu: options,
+            folder: folder.unwrap_or_else(|| ".".into()),
+            stats: args.stats.clone(),
+        })?);
     };
     let text =
         std::fs::read_to_string(script).with_context(|| format!("reading {}", script.display()))?;

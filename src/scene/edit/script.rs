@@ -98,6 +98,21 @@ impl Command {
     }
 }
 
+impl Command {
+    /// The line that [`Command::parse`] reads it from.
+    ///
+    /// # Errors
+    /// Numbers that JSON has no words for.
+    pub fn to_line(&self) -> serde_json::Result<String> {
+        Ok(match self {
+            Self::Edit(edit) => serde_json::to_string(edit)?,
+            Self::Undo => r#"{"do":"undo"}"#.into(),
+            Self::Redo => r#"{"do":"redo"}"#.into(),
+            Self::Wait(until) => serde_json::json!({ "do": "wait", "until": until }).to_string(),
+        })
+    }
+}
+
 fn syntax(what: &str, error: &serde_json::Error) -> EditError {
     let why: String = error
         .to_string()
@@ -140,6 +155,8 @@ mod tests {
                 panic!("{edit}");
             };
             assert_eq!(serde_json::to_value(&read).unwrap(), edit);
+            let line = Command::Edit(read.clone()).to_line().unwrap();
+            assert_eq!(Command::parse(&line).unwrap(), Command::Edit(read));
         }
         let wait = |line| match Command::parse(line) {
             Ok(Command::Wait(until)) => until,
@@ -159,6 +176,10 @@ mod tests {
         );
         assert_eq!(Command::parse(r#"{"do":"undo"}"#).unwrap(), Command::Undo);
         assert_eq!(Command::parse(r#"{"do":"redo"}"#).unwrap(), Command::Redo);
+        for until in [Until::Converged, Until::Updates(9), Until::Seconds(0.5)] {
+            let line = Command::Wait(until).to_line().unwrap();
+            assert_eq!(Command::parse(&line).unwrap(), Command::Wait(until));
+        }
     }
 
     #[test]

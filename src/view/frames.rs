@@ -1,0 +1,258 @@
+//! Frames of a window: the picture, the panels on it, and what is measured on the way.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use egui::ViewportId;
+use winit::event::WindowEvent;
+use winit::window::Window;
+
+use super::display::{Display, Look, Shot};
+use super::headless::write_png;
+use super::painter::Painter;
+use super::shown::Shown;
+use super::state::Viewer;
+use super::worker::{Request, Status};
+use super::{Note, ViewError};
+use crate::gpu::{Format, Gpu, Image, Stage, Swapchain};
+use crate::transport::SceneBvh;
+
+/// Draws frames into a window.
+pub(super) struct Frames {
+    gpu: Gpu,
+    egui: egui::Context,
+    events: egui_winit::State,
+    display: Display,
+    painter: Painter,
+    swapchain: Swapchain,
+    /// Changes of panel textures that no frame has taken in yet.
+    textures: egui::TexturesDelta,
+    start: Instant,
+    last: Instant,
+    passes_at: Instant,
+    passes_before: Vec<crate::gpu::Timing>,
+    screenshots: u32,
+    device_time: Duration,
+}
+
+/// What a frame came to.
+pub(super) struct Drawn {
+    pub requests: Vec<Request>,
+    pub live: bool,
+    pub quit: bool,
+    /// There was something to draw into.
+    pub shown: bool,
+    /// The panels want another frame by then.
+    pub again: Option<Duration>,
+}
+
+impl Frames {
+    pub(super) fn new(gpu: &Gpu, window: &Arc<Window>, size: [u32; 2]) -> Result<Self, ViewError> {
+        let swapchain = gpu.swapchain(Arc::clone(window), size)?;
+        let egui = egui::Context::default();
+        let events = egui_winit::State::new(
+            egui.clone(),
+            ViewportId::ROOT,
+            window,
+            Some(window.scale_factor() as f32),
+            None,
+            None,
+        );
+        let now = Instant::now();
+        Ok(Self {
+            display: Display::new(gpu)?,
+            painter: Painter::new(gpu, swapchain.format())?,
+            gpu: gpu.clone(),
+            swapchain,
+            egui,
+            events,
+            textures: egui::TexturesDelta::default(),
+            start: now,
+            last: now,
+            passes_at: now,
+            passes_before: Vec::new(),
+            screenshots: 0,
+            device_time: Duration::ZERO,
+        })
+    }
+
+    pub(super) fn resize(&mut self, size: [u32; 2]) {
+        self.swapchain.resize(size);
+    }
+
+    /// Whether the event asks for a frame.
+    pub(super) fn take_event(&mut self, window: &Window, event: &WindowEvent) -> bool {
+        self.events.on_window_event(window, event).repaint
+            || matches!(event, WindowEvent::Resized(_))
+    }
+
+    /// Seconds since the window was opened, as notes count them.
+    pub(super) fn now(&self) -> f64 {
+        self.egui.input(|i| i.time)
+    }
+
+    /// Device time of a frame, lately.
+    pub(super) fn device_time(&self) -> Duration {
+        self.device_time
+    }
+
+    pub(super) fn show(&mut self, shown: &Arc<Shown>) -> Result<(), ViewError> {
+        Ok(self.display.show(shown)?)
+    }
+
+    pub(super) fn draw(
+        &mut self,
+        window: &Window,
+        viewer: &mut Viewer,
+        shown: &Arc<Shown>,
+        bvh: Option<&SceneBvh>,
+        status: &Status,
+    ) -> Result<Drawn, ViewError> {
+        let input = self.events.take_egui_input(window);
+        self.measured(viewer)?;
+        let outcome = viewer.frame(&self.egui, input, shown, bvh, status);
+        let output = outcome.output;
+        self.events
+            .handle_platform_output(window, output.platform_output);
+        self.textures.append(output.textures_delta);
+        let again = output
+            .viewport_output
+            .get(&ViewportId::ROOT)
+            .map(|v| v.repaint_delay)
+            .filter(|d| *d < Duration::from_secs(3600));
+        let mut drawn = Drawn {
+            requests: outcome.requests,
+            live: outcome.live,
+            quit: outcome.quit,
+            shown: false,
+            again,
+        };
+        let Some(frame) = self.swapchain.acquire()? else {
+            return Ok(drawn);
+        };
+        let primitives = self.egui.tessellate(output.shapes, output.pixels_per_point);
+        let shot = Shot {
+            pose: viewer.pose,
+            look: viewer.look_of(shown, status),
+            scale: viewer.scale.unwrap_or_else(|| shown.scale()),
+        };
+        self.display.exposure = viewer.exposure;
+        let mut cmd = self.gpu.commands()?;
+        self.swapchain.begin(&mut cmd, &frame);
+        let target = self.swapchain.image(&frame);
+        self.display.record(&mut cmd, target, &shot)?;
+        let measures = match (shot.look, outcome.probe) {
+            (Look::Lit | Look::Light, _) => self.display.measure(&mut cmd),
+            (Look::Lux, Some(at)) => self.display.probe(&mut cmd, at),
+            _ => false,
+        };
+        let textures = std::mem::take(&mut self.textures);
+        self.painter.record(
+            &mut cmd,
+            target,
+            &textures,
+            &primitives,
+            output.pixels_per_point,
+        )?;
+        cmd.barrier(Stage::All, Stage::All);
+        let buffer = outcome
+            .screenshot
+            .then(|| picture_buffer(&self.gpu, target));
+        let buffer = buffer.transpose()?;
+        let size = target.size();
+        if let Some(buffer) = &buffer {
+            cmd.copy_from_image(target, buffer, 0);
+            cmd.barrier(Stage::Transfer, Stage::Host);
+        }
+        let ticket = self.swapchain.present(cmd, frame)?;
+        if let Some(buffer) = buffer {
+            ticket.wait()?;
+            let note = self.screenshot(viewer, size, buffer.mapped(0..buffer.size() as usize));
+            viewer.note(self.now(), note);
+        }
+        if measures {
+            self.display.measured_by(ticket);
+        }
+        drawn.shown = true;
+        Ok(drawn)
+    }
+
+    /// Takes in what earlier frames were measured to be.
+    fn measured(&mut self, viewer: &mut Viewer) -> Result<(), ViewError> {
+        let seconds = self.last.elapsed().as_secs_f32();
+        if let Some(mean) = self.display.take_measurement(false)? {
+            self.last = Instant::now();
+            viewer.exposure.follow(mean, seconds);
+        }
+        viewer.probe = self.display.probed();
+        let since = self.passes_at.elapsed().as_secs_f64();
+        if since > 1.0 {
+            self.passes_at = Instant::now();
+            let timings = self.gpu.timings();
+            let before = |name: &str| self.passes_before.iter().find(|t| t.name == name);
+            viewer.passes = timings
+                .iter()
+                .map(|t| {
+                    (
+                        t.name,
+                        (t.ms - before(t.name).map_or(0.0, |b| b.ms)) / since,
+                    )
+                })
+                .filter(|(_, ms)| *ms > 0.005)
+                .collect();
+            let ours =
+                |t: &&crate::gpu::Timing| t.name.starts_with("view ") && t.name != "view pages";
+            let cost =
+                |all: &[crate::gpu::Timing]| all.iter().filter(ours).map(|t| t.ms).sum::<f64>();
+            let frames = |all: &[crate::gpu::Timing]| {
+                all.iter()
+                    .filter(|t| t.name == "view tone")
+                    .map(|t| t.calls)
+                    .sum::<u64>()
+            };
+            let calls = frames(&timings) - frames(&self.passes_before);
+            if calls > 0 {
+                let ms = (cost(&timings) - cost(&self.passes_before)) / calls as f64;
+                self.device_time = Duration::from_secs_f64(ms.max(0.0) / 1e3);
+            }
+            self.passes_before = timings;
+        }
+        Ok(())
+    }
+
+    fn screenshot(&mut self, viewer: &Viewer, size: [u32; 2], mut pixels: Vec<u8>) -> Note {
+        if self.swapchain.format() == Format::Bgra8 {
+            pixels.chunks_exact_mut(4).for_each(|p| p.swap(0, 2));
+        }
+        let base = &viewer.files.screenshot;
+        let stem = base
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        let path: PathBuf = loop {
+            self.screenshots += 1;
+            let path = base.with_file_name(format!("{stem}-{:03}.png", self.screenshots));
+            if !path.exists() {
+                break path;
+            }
+        };
+        match write_png(&path, size, &pixels) {
+            Ok(()) => Note::said(format!("saved {}", path.display())),
+            Err(error) => Note::failed(error.to_string()),
+        }
+    }
+}
+
+impl Drop for Frames {
+    fn drop(&mut self) {
+        tracing::debug!("{:.1} s of frames", self.start.elapsed().as_secs_f64());
+    }
+}
+
+fn picture_buffer(gpu: &Gpu, image: &Image) -> crate::gpu::Result<crate::gpu::Buffer> {
+    let [width, height] = image.size();
+    let bytes = u64::from(width) * u64::from(height) * image.format().bytes();
+    gpu.buffer("screenshot", bytes, crate::gpu::Memory::Readback)
+}

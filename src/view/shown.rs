@@ -1,0 +1,67 @@
+//! A version of the scene, ready to be drawn. Whichever thread makes it, frames only exchange one for the next.
+
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::geometry::Geometry;
+use super::resolve::PagesView;
+use super::textures::{Materials, Samplers};
+use crate::gpu::Result;
+use crate::lightmap::Atlas;
+use crate::scene::{Bounds, Document, Scene};
+
+/// A scene on the device.
+pub struct Shown {
+    /// What it is.
+    pub scene: Arc<Scene>,
+    /// The glTF document that it is read from.
+    pub json: Arc<Value>,
+    /// How it is lit; without one it can only be shown unbaked.
+    pub atlas: Option<Arc<Atlas>>,
+    pub(super) geometry: Geometry,
+    pub(super) materials: Materials,
+    pub(super) pages: PagesView,
+}
+
+impl Shown {
+    /// Puts on the device what `before` has not put there yet.
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn new(
+        samplers: &Samplers,
+        scene: &Arc<Scene>,
+        document: &Document,
+        atlas: Option<Arc<Atlas>>,
+        pages: &PagesView,
+        before: Option<&Self>,
+    ) -> Result<Self> {
+        let (geometry, materials) = (before.map(|b| &b.geometry), before.map(|b| &b.materials));
+        Ok(Self {
+            geometry: Geometry::new(samplers.gpu(), scene, atlas.as_deref(), geometry)?,
+            materials: Materials::new(samplers, scene, pages, materials)?,
+            scene: Arc::clone(scene),
+            json: Arc::new(document.json.clone()),
+            atlas,
+            pages: pages.clone(),
+        })
+    }
+
+    /// The box around all objects.
+    pub fn bounds(&self) -> Bounds {
+        let all = self.geometry.bounds.iter();
+        all.fold(Bounds::EMPTY, |all, b| all.union(b))
+    }
+
+    /// The box around an object; an empty one for one that is gone.
+    pub fn object_bounds(&self, object: u32) -> Bounds {
+        let bounds = self.geometry.bounds.get(object as usize);
+        bounds.copied().unwrap_or(Bounds::EMPTY)
+    }
+
+    /// Lux at both ends of false colours that suit the scene.
+    pub fn scale(&self) -> [f32; 2] {
+        self.pages.scale()
+    }
+}

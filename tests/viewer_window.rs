@@ -1,0 +1,271 @@
+//! The viewer's window, driven by real input events on a virtual X display.
+
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long anything may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(90);
+
+/// A virtual display.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    fn new() -> Self {
+        let mut server = Command::new("Xvfb")
+            .args([
+                "-displayfd",
+                "1",
+                "-screen",
+                "0",
+                "1280x720x24",
+                "-noreset",
+                "-nolisten",
+                "tcp",
+            ])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb starts: apt-get install xvfb xdotool (tools/test does)");
+        let mut number = String::new();
+        let mut out = server.stdout.take().expect("piped");
+        let mut byte = [0];
+        while out
+            .read(&mut byte)
+            .expect("Xvfb writes its display's number")
+            == 1
+            && byte[0] != b'\n'
+        {
+            number.push(byte[0].into());
+        }
+        assert!(!number.is_empty(), "Xvfb found no free display");
+        Self {
+            server,
+            name: format!(":{number}"),
+        }
+    }
+
+    /// Runs xdotool; what it prints.
+    fn tool(&self, args: &[&str]) -> String {
+        let out = Command::new("xdotool")
+            .args(args)
+            .env("DISPLAY", &self.name)
+            .output()
+            .expect("xdotool starts: apt-get install xvfb xdotool (tools/test does)");
+        String::from_utf8_lossy(&out.stdout).trim().to_owned()
+    }
+
+    fn click(&self, x: i32, y: i32) {
+        self.tool(&["mousemove", &x.to_string(), &y.to_string()]);
+        pause();
+        self.tool(&["click", "1"]);
+        pause();
+    }
+
+    fn key(&self, key: &str) {
+        self.tool(&["key", key]);
+        pause();
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ended = self.server.kill();
+        let _reaped = self.server.wait();
+    }
+}
+
+fn pause() {
+    std::thread::sleep(Duration::from_millis(150));
+}
+
+/// Waits until `done` gives something.
+fn until<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = done() {
+            return found;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited too long for {what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+/// A viewer on a display.
+struct Viewer {
+    child: Child,
+    window: String,
+}
+
+impl Viewer {
+    fn open(display: &Display, folder: &Path, more: &[&str]) -> Self {
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell.gltf");
+        let child = Command::new(env!("CARGO_BIN_EXE_viewer"))
+            .arg(scene)
+            .args(["--quality", "draft", "--validate", "-o"])
+            .arg(folder)
+            .args(more)
+            .env("DISPLAY", &display.name)
+            .env_remove("WAYLAND_DISPLAY")
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the viewer starts");
+        let window = until("a window", || {
+            let found = display.tool(&["search", "--name", "rebake viewer"]);
+            found.lines().next().map(str::to_owned)
+        });
+        display.tool(&["windowfocus", &window]);
+        Self { child, window }
+    }
+
+    fn wait_converged(&self, display: &Display) {
+        // Twice: what was asked just now has been taken in by the second look.
+        for _ in 0..2 {
+            pause();
+            until("the light", || {
+                let title = display.tool(&["getwindowname", &self.window]);
+                title.contains(" - converged - ").then_some(())
+            });
+        }
+    }
+
+    /// Waits for the end, which has to be a good one, and silent.
+    fn close(mut self) {
+        until("the end", || {
+            self.child.try_wait().expect("it can be waited for")
+        });
+        let mut said = String::new();
+        let stderr = self.child.stderr.as_mut().expect("piped");
+        stderr.read_to_string(&mut said).expect("text");
+        assert_eq!(said, "");
+        assert!(self.child.wait().expect("waited for").success());
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        // Only if a check has failed is it still there.
+        let _ended = self.child.kill();
+        let _reaped = self.child.wait();
+    }
+}
+
+/// The files of a saved bake that do not tell the time.
+fn saved(folder: &Path) -> Vec<Vec<u8>> {
+    ["lightmap_0.exr", "scene.glb", "preview.png"]
+        .map(|name| std::fs::read(folder.join("cornell-bake").join(name)).expect(name))
+        .to_vec()
+}
+
+fn lines(path: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    text.lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
+    let display = Display::new();
+    let folder = tempfile::tempdir().expect("a folder");
+    let viewer = Viewer::open(&display, folder.path(), &["--texels", "8k"]);
+    viewer.wait_converged(&display);
+    let save = || {
+        let _none_before = std::fs::remove_file(folder.path().join("cornell-bake/bake.json"));
+        display.key("ctrl+s");
+        until("the bake", || {
+            let report = std::fs::read(folder.path().join("cornell-bake/bake.json"));
+            report.ok().map(|_| saved(folder.path()))
+        })
+    };
+    let script: PathBuf = folder.path().join("cornell-edits.jsonl");
+    let history = |count: usize| {
+        until("the edits", || {
+            display.key("ctrl+h");
+            let lines = lines(&script);
+            (lines.len() == count).then_some(lines)
+        })
+    };
+    let before = save();
+
+    // The small box, along the red arrow.
+    display.click(738, 600);
+    display.tool(&["mousemove", "790", "676"]);
+    pause();
+    display.tool(&["mousedown", "1"]);
+    for x in (800..=850).step_by(10) {
+        display.tool(&["mousemove", &x.to_string(), "676"]);
+        pause();
+    }
+    display.tool(&["mouseup", "1"]);
+    let done = history(1);
+    assert!(
+        done[0].contains("\"transform\"") && done[0].contains("\"node\":5"),
+        "{done:?}"
+    );
+    viewer.wait_converged(&display);
+    let moved = save();
+    assert!(moved[0] != before[0], "the box casts its shadow elsewhere");
+
+    // The lamp, in the inspector.
+    display.key("Escape");
+    display.click(640, 74);
+    display.click(1085, 189);
+    display.key("ctrl+a");
+    display.tool(&["type", "5"]);
+    display.key("Return");
+    let done = history(2);
+    assert!(
+        done[1].contains("\"material\"") && done[1].contains("\"emissiveStrength\""),
+        "{done:?}"
+    );
+
+    // Both back, at once.
+    display.key("ctrl+z");
+    display.key("ctrl+z");
+    let done = history(4);
+    assert_eq!(done[2..], [r#"{"do":"undo"}"#, r#"{"do":"undo"}"#]);
+    viewer.wait_converged(&display);
+    let after = save();
+    assert!(
+        after == before,
+        "the map, the scene and the preview are as before, bit for bit"
+    );
+
+    display.key("F12");
+    let picture = folder.path().join("cornell-001.png");
+    until("the screenshot", || picture.exists().then_some(()));
+    display.key("ctrl+q");
+    viewer.close();
+}
+
+#[test]
+fn closing_in_the_middle_of_a_bake_ends_well() {
+    let display = Display::new();
+    let folder = tempfile::tempdir().expect("a folder");
+    for wait in [0, 700] {
+        let viewer = Viewer::open(&display, folder.path(), &["--texels", "200k"]);
+        std::thread::sleep(Duration::from_millis(wait));
+        display.key("ctrl+q");
+        viewer.close();
+    }
+}
+
+#[test]
+fn without_a_display_it_says_so_in_a_line() {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell.gltf");
+    let out = Command::new(env!("CARGO_BIN_EXE_viewer"))
+        .arg(scene)
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .env("RUST_BACKTRACE", "0")
+        .output()
+        .expect("the viewer starts");
+    assert!(!out.status.success());
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(said.contains("--headless"), "{said}");
+}
