@@ -80,7 +80,7 @@ impl Drop for Display {
 }
 
 fn pause() {
-    std::thread::sleep(Duration::from_millis(150));
+    std::thread::sleep(Duration::from_millis(400));
 }
 
 /// Waits until `done` gives something.
@@ -120,6 +120,14 @@ impl Viewer {
         });
         display.tool(&["windowfocus", &window]);
         Self { child, window }
+    }
+
+    /// Waits until the title names what is selected.
+    fn wait_selected(&self, display: &Display, name: &str) {
+        until(name, || {
+            let title = display.tool(&["getwindowname", &self.window]);
+            title.contains(&format!(" - {name} - ")).then_some(())
+        });
     }
 
     fn wait_converged(&self, display: &Display) {
@@ -192,6 +200,7 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
 
     // The small box, along the red arrow.
     display.click(738, 600);
+    viewer.wait_selected(&display, "small.box");
     display.tool(&["mousemove", "790", "676"]);
     pause();
     display.tool(&["mousedown", "1"]);
@@ -212,6 +221,7 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
     // The lamp, in the inspector.
     display.key("Escape");
     display.click(640, 74);
+    viewer.wait_selected(&display, "lamp");
     display.click(1085, 189);
     display.key("ctrl+a");
     display.tool(&["type", "5"]);

@@ -326,7 +326,10 @@ impl Open {
                 format!("{left} updates left")
             }
         };
-        let title = format!("{} - {state} - rebake viewer", name.to_string_lossy());
+        let selected = self.viewer.selection.and_then(|n| self.shown.name_of(n));
+        let selected = selected.map_or_else(String::new, |name| format!("{name} - "));
+        let name = name.to_string_lossy();
+        let title = format!("{name} - {selected}{state} - rebake viewer");
         self.window.set_title(&title);
     }
 

@@ -60,6 +60,15 @@ impl Shown {
         bounds.copied().unwrap_or(Bounds::EMPTY)
     }
 
+    /// The name of the object or light on a node.
+    pub fn name_of(&self, node: u32) -> Option<&str> {
+        let object = self.scene.objects.iter().find(|o| o.node == node);
+        let light = || self.scene.lights.iter().find(|l| l.node == node);
+        object
+            .map(|o| o.name.as_str())
+            .or_else(|| light().map(|l| l.name.as_str()))
+    }
+
     /// Lux at both ends of false colours that suit the scene.
     pub fn scale(&self) -> [f32; 2] {
         self.pages.scale()
