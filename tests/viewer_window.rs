@@ -189,11 +189,12 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
         })
     };
     let script: PathBuf = folder.path().join("cornell-edits.jsonl");
-    let history = |count: usize| {
-        until("the edits", || {
+    // The script of all edits, once it has what is waited for.
+    let history = |what: &str, done: &dyn Fn(&[String]) -> bool| {
+        until(what, || {
             display.key("ctrl+h");
             let lines = lines(&script);
-            (lines.len() == count).then_some(lines)
+            done(&lines).then_some(lines)
         })
     };
     let before = save();
@@ -209,9 +210,11 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
         pause();
     }
     display.tool(&["mouseup", "1"]);
-    let done = history(1);
+    // All of a drag is one edit.
+    let done = history("the drag", &|lines| lines.len() == 1);
+    let drag = &done[0];
     assert!(
-        done[0].contains("\"transform\"") && done[0].contains("\"node\":5"),
+        drag.contains("\"transform\"") && drag.contains("\"node\":5"),
         "{done:?}"
     );
     viewer.wait_converged(&display);
@@ -223,20 +226,21 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
     display.click(640, 74);
     viewer.wait_selected(&display, "lamp");
     display.click(1085, 189);
-    display.key("ctrl+a");
     display.tool(&["type", "5"]);
+    pause();
     display.key("Return");
-    let done = history(2);
-    assert!(
-        done[1].contains("\"material\"") && done[1].contains("\"emissiveStrength\""),
-        "{done:?}"
-    );
+    let dimmed = |line: &String| line.contains("\"emissiveStrength\":5.0");
+    let done = history("the lamp", &|lines| lines.last().is_some_and(dimmed));
+    assert!(done[1..].iter().all(|line| line.contains("\"material\"")));
 
-    // Both back, at once.
-    display.key("ctrl+z");
-    display.key("ctrl+z");
-    let done = history(4);
-    assert_eq!(done[2..], [r#"{"do":"undo"}"#, r#"{"do":"undo"}"#]);
+    // All of it back, at once.
+    for _ in &done {
+        display.key("ctrl+z");
+    }
+    let undo = |line: &&String| *line == r#"{"do":"undo"}"#;
+    history("the undoing", &|lines| {
+        lines.iter().filter(undo).count() == done.len()
+    });
     viewer.wait_converged(&display);
     let after = save();
     assert!(
