@@ -13,12 +13,14 @@ mod error;
 mod features;
 mod graphics;
 mod image;
+mod image_copies;
 mod instance;
 mod pipeline;
 mod queue;
 mod swapchain;
 #[cfg(test)]
 pub(crate) mod testing;
+mod textures;
 mod ticket;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -33,10 +35,11 @@ pub use commands::{Commands, Stage};
 pub use draw::{Drawing, Sides, Targets};
 pub use error::{GpuError, Result};
 pub use graphics::{Blend, DepthUse, GraphicsOptions, GraphicsPipeline, Topology};
-pub use image::{Edge, Format, Image, ImageOptions, Sampler, Textures};
+pub use image::{Format, Image, ImageOptions};
 pub use instance::{DeviceInfo, GpuOptions};
 pub use pipeline::{Pipeline, Shader};
 pub use swapchain::{Frame, Swapchain};
+pub use textures::{Edge, Sampler, Textures};
 pub use ticket::{Ticket, Timing};
 
 use instance::Instance;

@@ -15,6 +15,7 @@ mod pick;
 mod place;
 mod resolve;
 pub mod script;
+mod session;
 mod shaders;
 mod shown;
 mod state;

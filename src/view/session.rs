@@ -1,0 +1,428 @@
+//! The bake's side of its thread: answers requests, does slices of updates, and keeps what is shown up to date.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::time::{Duration, Instant};
+
+use super::resolve::Pages;
+use super::shown::Shown;
+use super::worker::{Request, Setup, Shared, Status};
+use super::{Note, ViewError};
+use crate::bake::{BakeError, Baker, Limit, Progress, output};
+use crate::gpu::GpuError;
+use crate::lightmap::Lightmap;
+use crate::scene::Scene;
+use crate::scene::edit::{Command, Edit};
+
+/// Share of the time that bringing the shown map up to date may take.
+const SHOWING: u32 = 6;
+/// Most lights of a submission.
+const MOST_LIGHTS: u32 = 32;
+/// Points of the convergence curve that are kept.
+const CURVE: usize = 4096;
+
+/// Bakes file after file, until the window closes.
+pub(super) fn run(
+    mut setup: Setup,
+    shown: Arc<Shown>,
+    inbox: &Receiver<Request>,
+    shared: &Shared,
+) -> Result<(), ViewError> {
+    let mut before = shown;
+    loop {
+        shared.state().status = Status {
+            preparing: Some("scene"),
+            ..Status::default()
+        };
+        let (scene, document) = (setup.scene.clone(), setup.document.clone());
+        let baker = Baker::new(&setup.gpu, scene, document, &setup.job, shared)?;
+        let session = Session::new(&setup, baker, before, inbox, shared)?;
+        let Some((again, path)) = session.work()? else {
+            return Ok(());
+        };
+        before = again;
+        // A file that is just being written is tried again when it changes again.
+        match Scene::load(&path).and_then(|(s, d)| s.validate().map(|()| (s, d))) {
+            Ok((scene, document)) => {
+                setup.scene = scene;
+                setup.document = document;
+                note(
+                    shared,
+                    Note::said("the scene's file has changed: loaded again"),
+                );
+            }
+            Err(error) => note(shared, Note::failed(format!("not loaded again: {error}"))),
+        }
+    }
+}
+
+fn note(shared: &Shared, note: Note) {
+    shared.state().notes.push(note);
+    (shared.wake)();
+}
+
+/// A bake of one file.
+struct Session<'a> {
+    setup: &'a Setup,
+    baker: Baker,
+    pages: Pages,
+    shown: Arc<Shown>,
+    inbox: &'a Receiver<Request>,
+    shared: &'a Shared,
+    start: Instant,
+    slice: Duration,
+    paused: bool,
+    /// Updates to do although paused.
+    single: u64,
+    /// Lights in a submission while the window is live.
+    batch: u32,
+    frames: u64,
+    /// The map has changed since the pages were brought up to date.
+    stale: bool,
+    updated: Instant,
+    update_cost: Duration,
+    log: Vec<Command>,
+    dragging: bool,
+    save: Option<PathBuf>,
+    compare: Option<Lightmap>,
+    status: Status,
+    rated: (Instant, u64),
+}
+
+impl<'a> Session<'a> {
+    fn new(
+        setup: &'a Setup,
+        baker: Baker,
+        before: Arc<Shown>,
+        inbox: &'a Receiver<Request>,
+        shared: &'a Shared,
+    ) -> Result<Self, ViewError> {
+        let mut pages = Pages::new(&setup.gpu)?;
+        pages.update(&baker)?;
+        let now = Instant::now();
+        let mut session = Self {
+            setup,
+            baker,
+            pages,
+            shown: before,
+            inbox,
+            shared,
+            start: now,
+            slice: setup.slice,
+            paused: false,
+            single: 0,
+            batch: 1,
+            frames: 0,
+            stale: true,
+            updated: now,
+            update_cost: Duration::ZERO,
+            log: Vec::new(),
+            dragging: false,
+            save: None,
+            compare: None,
+            status: Status::default(),
+            rated: (now, 0),
+        };
+        session.show()?;
+        Ok(session)
+    }
+
+    /// Until the window closes (none), or a file is to be loaded.
+    fn work(mut self) -> Result<Option<(Arc<Shown>, PathBuf)>, ViewError> {
+        loop {
+            let idle = (self.paused && self.single == 0) || self.baker.is_converged();
+            let mut next = if idle {
+                self.rest()?;
+                Some(self.inbox.recv().unwrap_or(Request::Close))
+            } else {
+                self.poll()
+            };
+            while let Some(request) = next.take() {
+                match request {
+                    Request::Close => return Ok(None),
+                    Request::Reload(path) => return Ok(Some((self.shown, path))),
+                    Request::Drag(edit, first) => {
+                        // Only the newest place counts of those that are waiting.
+                        let (mut edit, mut first) = (edit, first);
+                        next = self.poll();
+                        while let Some(Request::Drag(newer, newer_first)) = &next {
+                            if *newer_first {
+                                break;
+                            }
+                            edit = newer.clone();
+                            next = self.poll();
+                        }
+                        first |= !self.dragging;
+                        self.drag(edit, first)?;
+                        continue;
+                    }
+                    request => self.answer(request)?,
+                }
+                next = self.poll();
+            }
+            if self.shared.state().closing {
+                return Ok(None);
+            }
+            if (!self.paused || self.single > 0) && !self.baker.is_converged() {
+                self.step()?;
+            }
+        }
+    }
+
+    fn poll(&self) -> Option<Request> {
+        match self.inbox.try_recv() {
+            Ok(request) => Some(request),
+            Err(TryRecvError::Disconnected) => Some(Request::Close),
+            Err(TryRecvError::Empty) => None,
+        }
+    }
+
+    fn answer(&mut self, request: Request) -> Result<(), ViewError> {
+        match request {
+            Request::Command(command) => self.command(command)?,
+            Request::Pause(paused) => self.paused = paused,
+            Request::Step => self.single += 1,
+            Request::StartOver(compare) => {
+                if compare {
+                    self.compare = Some(self.baker.lightmap()?);
+                }
+                self.baker.start_over()?;
+                self.stale = true;
+                self.marked();
+            }
+            Request::Slice(slice) => self.slice = slice,
+            Request::SaveBake(folder) => {
+                self.save = Some(folder);
+                if !self.baker.is_converged() {
+                    self.tell(Note::said("the bake is saved as soon as it has converged"));
+                }
+            }
+            Request::SaveHistory(path) => {
+                let lines: Result<Vec<String>, _> = self.log.iter().map(Command::to_line).collect();
+                let written = lines
+                    .map_err(std::io::Error::from)
+                    .and_then(|lines| std::fs::write(&path, lines.join("\n") + "\n"));
+                self.tell_saved(&path, written.map_err(|e| e.to_string()));
+            }
+            Request::SaveScene(path) => {
+                let written = self.baker.document().write(&path);
+                self.tell_saved(&path, written.map_err(|e| e.to_string()));
+            }
+            // The window's state says so already; these end `work`.
+            Request::Live(_) | Request::Close | Request::Reload(_) | Request::Drag(..) => {}
+        }
+        self.publish();
+        Ok(())
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), ViewError> {
+        self.dragging = false;
+        let done = match &command {
+            Command::Edit(edit) => self.baker.apply(edit, &self.setup.folder),
+            Command::Undo => self.baker.undo(),
+            Command::Redo => self.baker.redo(),
+            Command::Wait(_) => Ok(()),
+        };
+        if self.accepted(done)? {
+            self.log.push(command);
+            self.changed()?;
+        }
+        Ok(())
+    }
+
+    fn drag(&mut self, edit: Edit, first: bool) -> Result<(), ViewError> {
+        let done = if first {
+            self.baker.apply(&edit, &self.setup.folder)
+        } else {
+            self.baker.amend(&edit, &self.setup.folder)
+        };
+        if self.accepted(done)? {
+            if !first {
+                self.log.pop();
+            }
+            self.log.push(Command::Edit(edit));
+            self.dragging = true;
+            self.changed()?;
+        }
+        Ok(())
+    }
+
+    /// What was refused is told; what broke ends the session.
+    fn accepted(&self, done: Result<(), BakeError>) -> Result<bool, ViewError> {
+        match done {
+            Ok(()) => Ok(true),
+            Err(error @ (BakeError::Edit(_) | BakeError::Lightmap(_))) => {
+                self.tell(Note::failed(error.to_string()));
+                Ok(false)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn changed(&mut self) -> Result<(), ViewError> {
+        self.marked();
+        self.stale = true;
+        self.show()
+    }
+
+    fn marked(&mut self) {
+        let seconds = self.start.elapsed().as_secs_f64();
+        self.status.edits.push(seconds);
+        // Until then it was right.
+        let before = self.status.curve.last().map(|last| [seconds, last[1]]);
+        self.status.curve.extend(before);
+    }
+
+    /// Makes the scene as it is now the one that is shown.
+    fn show(&mut self) -> Result<(), ViewError> {
+        let atlas = Some(Arc::new(self.baker.atlas()));
+        let (scene, document) = (self.baker.scene(), self.baker.document());
+        let pages = self.pages.view();
+        let samplers = &self.setup.samplers;
+        let shown = Shown::new(samplers, scene, document, atlas, &pages, Some(&self.shown))?;
+        self.shown = Arc::new(shown);
+        let bvh = self.baker.bvh().clone();
+        self.shared.state().shown = Some((Arc::clone(&self.shown), Some(bvh)));
+        self.publish();
+        Ok(())
+    }
+
+    /// A slice of updates.
+    fn step(&mut self) -> Result<(), ViewError> {
+        let live = self.wait_for_frame();
+        self.baker.set_batch(live.then_some(self.batch));
+        let start = Instant::now();
+        let limit = if self.single > 0 {
+            Limit::Updates(1)
+        } else {
+            Limit::Time(self.slice)
+        };
+        let progress = self.baker.step(limit)?;
+        self.single = self.single.saturating_sub(1);
+        if live {
+            self.baker.finish()?;
+            let took = start.elapsed();
+            if took > self.slice * 2 {
+                self.batch = (self.batch / 2).max(1);
+            } else if took < self.slice {
+                self.batch = (self.batch * 2).min(MOST_LIGHTS);
+            }
+        }
+        self.stale = true;
+        self.status.updates += progress.updates;
+        self.follow(progress);
+        // Brought up to date as often as its cost allows.
+        if self.updated.elapsed() > (self.update_cost * SHOWING).max(Duration::from_millis(30)) {
+            self.refresh()?;
+        }
+        self.publish();
+        Ok(())
+    }
+
+    /// While the window is live, until it has drawn a frame since the last slice. Whether it is live.
+    fn wait_for_frame(&mut self) -> bool {
+        let mut state = self.shared.state();
+        let patience = Duration::from_millis(200);
+        if state.live && state.frames == self.frames && !state.closing {
+            state = self
+                .shared
+                .drawn
+                .wait_timeout(state, patience)
+                .unwrap_or_else(|e| e.into_inner())
+                .0;
+        }
+        self.frames = state.frames;
+        state.live
+    }
+
+    fn follow(&mut self, progress: Progress) {
+        let now = Instant::now();
+        let since = (now - self.rated.0).as_secs_f64();
+        if since > 0.5 {
+            self.status.rate = (self.status.updates - self.rated.1) as f64 / since;
+            self.rated = (now, self.status.updates);
+        }
+        let seconds = self.start.elapsed().as_secs_f64();
+        self.status.curve.push([seconds, progress.invalid_flux]);
+        if self.status.curve.len() > CURVE {
+            let mut keep = false;
+            self.status.curve.retain(|_| {
+                keep = !keep;
+                keep
+            });
+        }
+        self.status.progress = Some(progress);
+    }
+
+    /// Shows the map as it is.
+    fn refresh(&mut self) -> Result<(), GpuError> {
+        let start = Instant::now();
+        self.pages.update(&self.baker)?;
+        self.updated = Instant::now();
+        self.update_cost = self.update_cost.max(self.updated - start);
+        Ok(())
+    }
+
+    /// Nothing to do: what is shown becomes what would be written, and what waited for that is done.
+    fn rest(&mut self) -> Result<(), ViewError> {
+        if self.baker.is_converged() {
+            if std::mem::take(&mut self.stale) || self.save.is_some() || self.compare.is_some() {
+                let map = self.baker.lightmap()?;
+                self.pages.show(&self.baker, &map)?;
+                if let Some(other) = self.compare.take() {
+                    self.tell(compared(&other, &map));
+                }
+                if let Some(folder) = self.save.take() {
+                    let report = self.baker.report();
+                    let written = output::write(&folder, &self.baker, &map, &report, Vec::new());
+                    self.tell_saved(&folder, written.map(drop).map_err(|e| e.to_string()));
+                }
+                let report = self.baker.report();
+                self.status.texels = report.counts.texels;
+                self.status.lights = report.counts.virtual_lights.values().sum();
+            }
+        } else if self.stale {
+            self.refresh()?;
+        }
+        self.status.rate = 0.0;
+        self.publish();
+        Ok(())
+    }
+
+    fn publish(&mut self) {
+        self.status.paused = self.paused;
+        self.status.converged = self.baker.is_converged() && !self.stale;
+        self.shared.state().status = self.status.clone();
+        (self.shared.wake)();
+    }
+
+    fn tell(&self, what: Note) {
+        note(self.shared, what);
+    }
+
+    fn tell_saved(&self, path: &Path, written: Result<(), String>) {
+        self.tell(match written {
+            Ok(()) => Note::said(format!("saved {}", path.display())),
+            Err(error) => Note::failed(format!("not saved: {error}")),
+        });
+    }
+}
+
+/// What a comparison of two maps comes to.
+fn compared(a: &Lightmap, b: &Lightmap) -> Note {
+    let bits = |map: &Lightmap| -> Vec<[u32; 3]> {
+        let texels = map.pages.iter().flatten();
+        texels.map(|t| t.map(f32::to_bits)).collect()
+    };
+    let (a, b) = (bits(a), bits(b));
+    let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len());
+    if differ == 0 {
+        Note::said("baked again from nothing: the same map, bit for bit")
+    } else {
+        Note::failed(format!(
+            "baked again from nothing: {differ} of {} texels differ",
+            b.len()
+        ))
+    }
+}
