@@ -64,7 +64,8 @@ mod tests {
     #[test]
     fn daylight_is_nearly_white_candles_are_red_and_the_sky_is_blue() {
         let day = color_of_temperature(6504.0);
-        assert!(day.min_element() > 0.95, "{day}");
+        // A black body is a little less green than daylight.
+        assert!(day.min_element() > 0.93, "{day}");
         let candle = color_of_temperature(1900.0);
         assert!(
             candle.x == 1.0 && candle.y < 0.5 && candle.z < 0.1,
