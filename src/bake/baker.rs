@@ -16,6 +16,7 @@ use super::schedule::{Held, Plan, Priority};
 use super::settings::{Clusters as Cells, Settings};
 use super::update::Illumination;
 use super::uv_raster;
+use super::versions::Boxes;
 use crate::cluster::{Budget, CellId, Clusters, Ledger, SimilaritySettings, Wanted};
 use crate::gpu::{Gpu, GpuError};
 use crate::lightmap::Atlas;
@@ -280,14 +281,20 @@ impl Baker {
             return Ok(());
         }
         if !change.objects.is_empty() {
-            let mut boxes = change.boxes(old, &scene);
+            let occluders = change.boxes(old, &scene);
+            let mut lookups = occluders.clone();
             self.bvh = self.bvh.moved(&scene, &change.objects);
             let objects = &change.objects;
             let replaced =
                 self.clearances
-                    .update(&scene, &self.bvh, &mut self.texels, objects, &mut boxes);
-            self.illumination
-                .change(&scene, &self.texels, objects, &replaced, boxes)?;
+                    .update(&scene, &self.bvh, &mut self.texels, objects, &mut lookups);
+            self.illumination.change(
+                &scene,
+                &self.texels,
+                objects,
+                &replaced,
+                Boxes { occluders, lookups },
+            )?;
         }
         self.validator.invalidate(&scene, change);
         self.settled = false;

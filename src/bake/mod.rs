@@ -52,7 +52,7 @@ pub use settings::{
 pub use shadow_bench::{ShadowBench, ShadowCost};
 pub use step::{Limit, Progress};
 pub use update::{Illumination, Sign};
-pub use versions::Version;
+pub use versions::{Boxes, Version};
 
 #[cfg(test)]
 mod oracle;

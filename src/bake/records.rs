@@ -164,10 +164,11 @@ pub(super) struct Surroundings<'a> {
     pub version: Version,
     /// The version that the update compares with; the same where the whole light comes or goes.
     pub other: Version,
-    /// Where the two differ.
+    /// Where the two differ, receivers whose lookups do included.
     pub regions: &'a [Region],
-    /// Where these begin in the batch's list.
-    pub first_region: u32,
+    /// Where the boxes of what light passes otherwise begin in the batch's list, and how many these are.
+    pub first_occluder: u32,
+    pub occluders: u32,
     /// Of the whole scene in `version`.
     pub bounds: &'a Bounds,
     /// Percentage-closer soft shadows.
@@ -205,8 +206,8 @@ pub(super) fn record(
         view: views.len() as u32,
         version: around.version,
         other: around.other,
-        first_region: around.first_region,
-        regions: around.regions.len() as u32,
+        first_region: around.first_occluder,
+        regions: around.occluders,
         origin: light.position.to_array(),
         // A pixel of a hemicube spans up to 2 / size of the distance.
         blur_slope: LOOKUP * 2.0 / size as f32,

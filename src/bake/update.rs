@@ -12,11 +12,11 @@ use super::place::Receivers;
 use super::records::{self, Region, ShadowSizes};
 use super::shadow::ShadowPass;
 use super::shared::BATCH;
-use super::versions::{Version, Versions};
+use super::versions::{Boxes, Version, Versions};
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Buffer, Gpu, Result, Stage, Ticket};
 use crate::lightmap::texels::Texels;
-use crate::scene::{Bounds, Scene};
+use crate::scene::Scene;
 
 /// Depth pixels of one batch: 256 MiB.
 const DEPTH_ELEMENTS: u64 = 64 << 20;
@@ -130,19 +130,20 @@ impl Illumination {
 
     /// Where a version differs from the current one.
     pub(super) fn between(&self, version: Version) -> Vec<Region> {
-        self.versions.between(version, self.versions.current())
+        let current = self.versions.current();
+        self.versions.between(version, current).lookups
     }
 
     /// Begins a version in which `objects` are where `scene` has them; `boxes` bound what they occupied before and what
     /// they occupy now. `texels`: of all objects, new ones at the end. `replaced`: tiles of other objects, ascending, that
-    /// have something else near them than before; the boxes hold the texels of these that it makes a difference to.
+    /// have something else near them than before; the boxes for lookups hold the texels of these that it makes a difference to.
     pub fn change(
         &mut self,
         scene: &Scene,
         texels: &Texels,
         objects: &[u32],
         replaced: &[u32],
-        boxes: Vec<Bounds>,
+        boxes: Boxes,
     ) -> Result<Version> {
         self.send()?;
         let version = self.versions.begin(scene.bounds(), boxes);
@@ -230,7 +231,7 @@ impl Illumination {
         if from == to {
             return Ok(0);
         }
-        let regions = self.versions.between(from, to);
+        let regions = self.versions.between(from, to).lookups;
         let epsilon = self.accumulate.epsilon();
         if regions.is_empty() || records::misses(light, &self.sizes, &regions, epsilon) {
             return Ok(0);

@@ -20,13 +20,31 @@ pub type Version = u32;
 /// Boxes that a light's update is limited to; more are joined into one.
 const MAX_BOXES: usize = 8;
 
+/// Where an edit changes the scene.
+#[derive(Clone, Debug, Default)]
+pub struct Boxes {
+    /// What stood or stands where something changed.
+    pub occluders: Vec<Bounds>,
+    /// These boxes, grown to hold the texels of other objects that have something else near them now.
+    pub lookups: Vec<Bounds>,
+}
+
+/// Where two versions differ.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Between {
+    /// What light passes otherwise: outside of the shadows of these boxes all light is the same.
+    pub occluders: Vec<Region>,
+    /// These boxes, and the receivers whose lookups differ: depth maps must be right around all of them.
+    pub lookups: Vec<Region>,
+}
+
 /// The versions that lights are held under.
 pub(super) struct Versions {
     current: Version,
     /// Scene bounds of each version.
     bounds: BTreeMap<Version, Bounds>,
-    /// What stood or stands where something changed when the version began.
-    changed: BTreeMap<Version, Vec<Bounds>>,
+    /// Where the scene changed when the version began.
+    changed: BTreeMap<Version, Boxes>,
     /// By instance.
     table: Vec<Instance>,
     /// The object of each live instance.
@@ -78,8 +96,8 @@ impl Versions {
         &self.bounds[&version]
     }
 
-    /// Begins a version. `boxes`: bounds of what changes, before and after.
-    pub(super) fn begin(&mut self, bounds: Bounds, boxes: Vec<Bounds>) -> Version {
+    /// Begins a version. `boxes`: of what changes, before and after.
+    pub(super) fn begin(&mut self, bounds: Bounds, boxes: Boxes) -> Version {
         self.current += 1;
         self.bounds.insert(self.current, bounds);
         self.changed.insert(self.current, boxes);
@@ -160,30 +178,38 @@ impl Versions {
         cmd.upload(&self.buffer, 0, &self.table)
     }
 
-    /// Where anything differs between two versions: outside of the shadows of these boxes all light is the same.
-    pub(super) fn between(&self, a: Version, b: Version) -> Vec<Region> {
+    /// Where anything differs between two versions.
+    pub(super) fn between(&self, a: Version, b: Version) -> Between {
         let (from, to) = (a.min(b) + 1, a.max(b));
-        let all = self.changed.range(from..=to).flat_map(|(_, boxes)| boxes);
-        let mut boxes: Vec<Bounds> = Vec::new();
-        for b in all {
-            if !boxes.contains(b) {
-                boxes.push(*b);
-            }
+        let changes = || self.changed.range(from..=to).map(|(_, boxes)| boxes);
+        Between {
+            occluders: regions(changes().flat_map(|b| &b.occluders)),
+            lookups: regions(changes().flat_map(|b| &b.lookups)),
         }
-        if boxes.len() > MAX_BOXES {
-            let whole = boxes
-                .iter()
-                .fold(boxes[0], |whole, b| whole.with(b.min).with(b.max));
-            boxes = vec![whole];
-        }
-        boxes
-            .iter()
-            .map(|b| Region {
-                center: b.center().to_array(),
-                // Rounding must not let a triangle out of its box.
-                extent: (b.size() * 0.5 + (b.min.abs() + b.max.abs()) * 1e-6 + Vec3::splat(1e-6))
-                    .to_array(),
-            })
-            .collect()
     }
+}
+
+/// Different boxes, not too many of them.
+fn regions<'a>(all: impl Iterator<Item = &'a Bounds>) -> Vec<Region> {
+    let mut boxes: Vec<Bounds> = Vec::new();
+    for b in all {
+        if !boxes.contains(b) {
+            boxes.push(*b);
+        }
+    }
+    if boxes.len() > MAX_BOXES {
+        let whole = boxes
+            .iter()
+            .fold(boxes[0], |whole, b| whole.with(b.min).with(b.max));
+        boxes = vec![whole];
+    }
+    boxes
+        .iter()
+        .map(|b| Region {
+            center: b.center().to_array(),
+            // Rounding must not let a triangle out of its box.
+            extent: (b.size() * 0.5 + (b.min.abs() + b.max.abs()) * 1e-6 + Vec3::splat(1e-6))
+                .to_array(),
+        })
+        .collect()
 }

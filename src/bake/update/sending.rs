@@ -79,6 +79,7 @@ impl Illumination {
         let mut views = Vec::new();
         let mut offset = 0;
         let mut regions: Vec<Region> = Vec::new();
+        let mut lookups: Vec<Region> = Vec::new();
         let soft = queue == 1;
         let mut lights = Vec::new();
         let mut between = (0, 0, 0..0);
@@ -89,16 +90,20 @@ impl Illumination {
             );
             if (a, b) != (between.0, between.1) {
                 let first = regions.len();
+                lookups.clear();
                 if a != b {
-                    regions.extend(self.versions.between(a, b));
+                    let differ = self.versions.between(a, b);
+                    regions.extend(differ.occluders);
+                    lookups = differ.lookups;
                 }
                 between = (a, b, first..regions.len());
             }
             let around = Surroundings {
                 version: pending.version,
                 other: pending.other,
-                regions: &regions[between.2.clone()],
-                first_region: between.2.start as u32,
+                regions: &lookups,
+                first_occluder: between.2.start as u32,
+                occluders: between.2.len() as u32,
                 bounds: self.versions.bounds(pending.version),
                 soft,
                 moved: self.accumulate.moved(),
