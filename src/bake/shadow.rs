@@ -196,7 +196,7 @@ impl ShadowPass {
     }
 
     /// Draws `views`; the maps can be read by compute shaders after the next barrier. `instances`: the table that says
-    /// which chunks stand in a view's version.
+    /// which chunks stand in a view's version. `blocks`: [`ShadowPass::blocks`] will be asked for.
     pub(super) fn record(
         &mut self,
         gpu: &Gpu,
@@ -204,6 +204,7 @@ impl ShadowPass {
         occluders: &Occluders,
         instances: Address,
         views: &[View],
+        blocks: bool,
     ) -> Result<()> {
         let elements: u64 = views
             .iter()
@@ -221,7 +222,9 @@ impl ShadowPass {
             self.find_blocks(cmd, views.len());
             self.draw(gpu, cmd, occluders, instances, views.len(), Which::Rest)?;
         }
-        self.find_blocks(cmd, views.len());
+        if blocks {
+            self.find_blocks(cmd, views.len());
+        }
         Ok(())
     }
 

@@ -113,6 +113,7 @@ impl ShadowBench {
                 &self.occluders,
                 versions.address(),
                 views,
+                true,
             )?;
             cmd.submit()?.wait()
         };

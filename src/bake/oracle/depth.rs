@@ -57,7 +57,7 @@ fn compare(gpu: &Gpu, numbers: &mut Numbers, scene: &Scene, triangles: &[[Vec3; 
         records::record(&light, 1, &sizes, &around(), &mut views, &mut offset);
         let mut cmd = gpu.commands().expect("recording");
         shadow
-            .record(gpu, &mut cmd, &occluders, versions.address(), &views)
+            .record(gpu, &mut cmd, &occluders, versions.address(), &views, true)
             .expect("recording");
         cmd.submit()
             .expect("submission")

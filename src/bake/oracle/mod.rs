@@ -197,7 +197,7 @@ pub(super) fn run(
         let mut cmd = gpu.commands().expect("recording");
         cmd.barrier(Stage::All, Stage::All);
         shadow
-            .record(gpu, &mut cmd, &occluders, versions.address(), &views)
+            .record(gpu, &mut cmd, &occluders, versions.address(), &views, true)
             .expect("recording");
         let batch = Batch {
             lights: &records,

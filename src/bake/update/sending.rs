@@ -121,8 +121,14 @@ impl Illumination {
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
         let instances = self.versions.address();
-        self.shadow
-            .record(&self.gpu, &mut cmd, &self.occluders, instances, &views)?;
+        self.shadow.record(
+            &self.gpu,
+            &mut cmd,
+            &self.occluders,
+            instances,
+            &views,
+            !soft,
+        )?;
         let batch = Batch {
             lights: &lights,
             regions: &regions,
