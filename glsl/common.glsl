@@ -114,7 +114,7 @@ struct Light {
     uint view;      // first of its views
     uint version;   // the scene that it shines in
     uint other;     // the version that its update compares with; its own where the whole light comes or goes
-    uint first_region; // where the two differ
+    uint first_region; // boxes of what light passes otherwise in the two
     uint regions;
     vec3 origin;    // where shadows are cast from
     float blur;     // how far beside a receiver depth maps may be looked up, metres,

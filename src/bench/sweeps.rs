@@ -11,7 +11,7 @@ use crate::bake::{Baker, Clusters as Cells, Job, Limit, Options, Quality, Shadow
 use crate::cluster::{Budget, Clusters, SimilaritySettings};
 use crate::gpu::GpuError;
 use crate::lightmap::AtlasOptions;
-use crate::scene::{Material, Mesh, Object, Primitive, Scene};
+use crate::scene::Scene;
 use crate::transport::SceneBvh;
 use crate::transport::paths::{PathSettings, trace};
 
@@ -298,30 +298,7 @@ fn with_triangles(scene: &Scene, target: usize) -> Scene {
     let kept: Vec<[Vec3; 3]> = (0..target.min(all))
         .map(|i| triangles[(i as u64 * all as u64 / target.max(1) as u64) as usize])
         .collect();
-    let count = kept.len() as u32;
-    let mesh = Mesh {
-        normals: vec![Vec3::ZERO; 3 * kept.len()],
-        positions: kept.into_iter().flatten().collect(),
-        triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
-        primitives: vec![Primitive {
-            triangles: 0..count,
-            vertices: 0..3 * count,
-            material: 0,
-            source: 0,
-        }],
-        ..Mesh::default()
-    };
-    Scene {
-        meshes: vec![mesh.into()],
-        materials: vec![Material::default()],
-        objects: vec![Object {
-            name: "triangles".into(),
-            node: 0,
-            mesh: 0,
-            transform: glam::Affine3A::IDENTITY,
-        }],
-        ..Scene::default()
-    }
+    Scene::of_triangles(&kept)
 }
 
 #[cfg(test)]

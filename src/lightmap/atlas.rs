@@ -29,6 +29,17 @@ pub struct AtlasOptions {
     pub page_size: Option<u32>,
 }
 
+impl AtlasOptions {
+    /// The default, or as many texels as asked for: those are not capped.
+    pub fn with_texels(texels: Option<u64>) -> Self {
+        texels.map_or_else(Self::default, |texels| Self {
+            texels,
+            max_density: f32::MAX,
+            ..Self::default()
+        })
+    }
+}
+
 impl Default for AtlasOptions {
     fn default() -> Self {
         Self {

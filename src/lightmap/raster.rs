@@ -253,44 +253,19 @@ impl Seen {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
-    use glam::Affine3A;
     use proptest::prelude::*;
 
     use super::super::viewpoint::looking;
     use super::*;
-    use crate::scene::{Material, Mesh, Object, Primitive};
 
     fn soup(positions: Vec<Vec3>) -> Scene {
-        let count = positions.len() as u32 / 3;
-        let mesh = Mesh {
-            positions,
-            triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
-            primitives: vec![Primitive {
-                triangles: 0..count,
-                vertices: 0..3 * count,
-                material: 0,
-                source: 0,
-            }],
-            ..Mesh::default()
-        };
-        let material = Material {
-            double_sided: true,
-            ..Material::default()
-        };
-        let object = Object {
-            name: String::new(),
-            node: 0,
-            mesh: 0,
-            transform: Affine3A::IDENTITY,
-        };
-        Scene {
-            meshes: vec![Arc::new(mesh)],
-            materials: vec![material],
-            objects: vec![object],
-            ..Scene::default()
-        }
+        let triangles: Vec<[Vec3; 3]> = positions
+            .chunks_exact(3)
+            .map(|t| [t[0], t[1], t[2]])
+            .collect();
+        let mut scene = Scene::of_triangles(&triangles);
+        scene.materials[0].double_sided = true;
+        scene
     }
 
     proptest! {

@@ -205,6 +205,36 @@ pub enum Aperture {
     },
 }
 
+impl Scene {
+    /// One object of loose triangles (world space, metres) of the default material, without light.
+    pub fn of_triangles(triangles: &[[Vec3; 3]]) -> Self {
+        let count = triangles.len() as u32;
+        let mesh = Mesh {
+            positions: triangles.as_flattened().to_vec(),
+            normals: vec![Vec3::ZERO; 3 * triangles.len()],
+            triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            primitives: vec![Primitive {
+                triangles: 0..count,
+                vertices: 0..3 * count,
+                material: 0,
+                source: 0,
+            }],
+            ..Mesh::default()
+        };
+        Self {
+            meshes: vec![mesh.into()],
+            materials: vec![Material::default()],
+            objects: vec![Object {
+                name: "triangles".into(),
+                node: 0,
+                mesh: 0,
+                transform: Affine3A::IDENTITY,
+            }],
+            ..Self::default()
+        }
+    }
+}
+
 /// A perspective camera that looks along its -Z.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {

@@ -6,7 +6,7 @@ use super::super::occluders::Occluders;
 use super::super::records::{self, ShadowSizes, View};
 use super::super::shadow::ShadowPass;
 use super::super::versions::Versions;
-use super::{Numbers, SIZES, around, bounds, gpu, random_light, soup};
+use super::{Numbers, SIZES, around, bounds, gpu, random_light};
 use crate::gpu::Gpu;
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Wrap};
 
@@ -83,7 +83,7 @@ fn compare(gpu: &Gpu, numbers: &mut Numbers, scene: &Scene, triangles: &[[Vec3; 
 fn depth_maps_hold_the_nearest_triangle_of_every_pixel() {
     let mut numbers = Numbers(11);
     let triangles = triangles(&mut numbers, 300);
-    let scene = soup(&triangles);
+    let scene = Scene::of_triangles(&triangles);
     compare(&gpu(), &mut numbers, &scene, &triangles, &|_, _, _| true);
 }
 
@@ -93,7 +93,7 @@ fn masked_texels_let_light_pass() {
     const WRAPS: [Wrap; 3] = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
     let mut numbers = Numbers(5);
     let triangles = triangles(&mut numbers, 240);
-    let mut scene = soup(&triangles);
+    let mut scene = Scene::of_triangles(&triangles);
     // Blocks of texels, so that some triangles lie within one.
     let alpha = |x: usize, y: usize| {
         if (x / 5 * 7 + y / 6 * 3) % 4 < 2 {

@@ -4,8 +4,9 @@
 use glam::{DVec3, Vec3};
 
 use super::irradiance::irradiance;
-use super::{Numbers, accumulate, gpu, random_light, random_texels, soup};
+use super::{Numbers, accumulate, gpu, random_light, random_texels};
 use crate::cluster::{Shape, VirtualLight};
+use crate::scene::Scene;
 
 /// Cosines between the face and the directions to all of the emitter, scaled: the least and the largest.
 fn heights(light: &VirtualLight, p: DVec3, face: DVec3) -> (f64, f64) {
@@ -38,7 +39,7 @@ fn light_from_behind_the_surface_does_not_arrive() {
         texel.face = tilted.normalize().to_array();
     }
     let far = Vec3::splat(100.0);
-    let scene = soup(&[[far, far + Vec3::X, far + Vec3::Y]]);
+    let scene = Scene::of_triangles(&[[far, far + Vec3::X, far + Vec3::Y]]);
     for (kind, tolerance) in [(0, 4e-3), (1, 1e-4), (2, 1e-5), (3, 1e-4), (4, 1e-5)] {
         let (mut behind, mut before) = (0, 0);
         for _ in 0..4 {

@@ -2,8 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{EVALUATION, Numbers, accumulate, gpu, random_light, random_texels, soup};
+use super::{EVALUATION, Numbers, accumulate, gpu, random_light, random_texels};
 use crate::cluster::{Shape, VirtualLight};
+use crate::scene::Scene;
 
 /// Irradiance without occlusion in double precision, the polygon clipped vertex by vertex, its form factor with `acos`.
 pub(super) fn irradiance(light: &VirtualLight, p: DVec3, n: DVec3) -> DVec3 {
@@ -65,7 +66,7 @@ fn every_form_agrees_with_double_precision() {
     let texels = random_texels(&mut numbers, 40, 3.0);
     // No occluder: a triangle far outside.
     let far = Vec3::splat(100.0);
-    let scene = soup(&[[far, far + Vec3::X, far + Vec3::Y]]);
+    let scene = Scene::of_triangles(&[[far, far + Vec3::X, far + Vec3::Y]]);
     for (kind, tolerance) in [(0, 4e-3), (1, 1e-4), (2, 1e-5), (3, 1e-4), (4, 1e-5)] {
         for _ in 0..6 {
             let light = random_light(&mut numbers, kind);
@@ -109,7 +110,7 @@ fn what_is_subtracted_was_added() {
     let gpu = gpu();
     let mut numbers = Numbers(3);
     let texels = random_texels(&mut numbers, 20, 3.0);
-    let scene = soup(
+    let scene = Scene::of_triangles(
         &(0..50)
             .map(|_| {
                 let c = numbers.vector() * 2.0;

@@ -22,7 +22,7 @@ use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Stage};
 use crate::lightmap::Texel;
 use crate::lightmap::texels::Texels;
-use crate::scene::{Bounds, Material, Mesh, Object, Primitive, Scene};
+use crate::scene::{Bounds, Scene};
 
 /// The device under test, with the validation layer where it is installed.
 pub(super) fn gpu() -> Gpu {
@@ -61,34 +61,6 @@ impl Numbers {
                 return v.normalize();
             }
         }
-    }
-}
-
-/// One mesh of loose triangles.
-pub(super) fn soup(triangles: &[[Vec3; 3]]) -> Scene {
-    let count = triangles.len() as u32;
-    let mesh = Mesh {
-        positions: triangles.iter().flatten().copied().collect(),
-        normals: vec![Vec3::ZERO; triangles.len() * 3],
-        triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
-        primitives: vec![Primitive {
-            triangles: 0..count,
-            vertices: 0..3 * count,
-            material: 0,
-            source: 0,
-        }],
-        ..Mesh::default()
-    };
-    Scene {
-        meshes: vec![mesh.into()],
-        materials: vec![Material::default()],
-        objects: vec![Object {
-            name: "soup".into(),
-            node: 0,
-            mesh: 0,
-            transform: glam::Affine3A::IDENTITY,
-        }],
-        ..Scene::default()
     }
 }
 

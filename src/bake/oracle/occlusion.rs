@@ -3,10 +3,11 @@
 
 use glam::Vec3;
 
-use super::{EVALUATION, Numbers, gpu, random_light, random_texels, run, soup};
+use super::{EVALUATION, Numbers, gpu, random_light, random_texels, run};
 use crate::cluster::VirtualLight;
 use crate::lightmap::texels::Texels;
 use crate::lightmap::{Clearance, Texel};
+use crate::scene::Scene;
 
 /// Walls across the room, with gaps between them, and many small triangles before and behind them.
 fn clutter(numbers: &mut Numbers) -> Vec<[Vec3; 3]> {
@@ -67,7 +68,7 @@ fn crowded(numbers: &mut Numbers) -> Texels {
 fn what_is_hidden_is_left_out_and_changes_no_bit() {
     let gpu = gpu();
     let mut numbers = Numbers(9);
-    let scene = soup(&clutter(&mut numbers));
+    let scene = Scene::of_triangles(&clutter(&mut numbers));
     let texels = crowded(&mut numbers);
     let lights: Vec<(VirtualLight, i32)> = (0..48)
         .map(|i| (random_light(&mut numbers, i % 2), 1))

@@ -6,7 +6,7 @@ use glam::{Affine3A, Quat, Vec3};
 
 use super::super::update::{Illumination, Sign};
 use super::super::versions::{Boxes, Version};
-use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels, soup};
+use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels};
 use crate::cluster::VirtualLight;
 use crate::gpu::Gpu;
 use crate::lightmap::texels::Texels;
@@ -15,7 +15,7 @@ use crate::scene::{Bounds, Mesh, Scene};
 
 /// Objects of loose triangles, each near a place of its own, the first one everywhere; and texels of each.
 fn objects(numbers: &mut Numbers, count: u32) -> (Scene, Texels) {
-    let mut scene = soup(&[]);
+    let mut scene = Scene::of_triangles(&[]);
     scene.meshes.clear();
     let prototype = scene.objects.pop().expect("a soup");
     let mut texels = Texels::default();
@@ -41,7 +41,7 @@ fn append(
         .collect();
     scene
         .meshes
-        .push(soup(&triangles).meshes.pop().expect("one"));
+        .push(Scene::of_triangles(&triangles).meshes.pop().expect("one"));
     scene.objects.push(crate::scene::Object {
         mesh: scene.meshes.len() as u32 - 1,
         transform: Affine3A::from_translation(numbers.vector() * 1.5),

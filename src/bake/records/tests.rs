@@ -1,3 +1,5 @@
+//! Records of lights: the cones that differences are limited to hold what differs.
+
 use proptest::prelude::*;
 
 use super::*;

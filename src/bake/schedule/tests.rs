@@ -1,3 +1,5 @@
+//! The schedule, held to what every plan must keep.
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 

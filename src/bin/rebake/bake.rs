@@ -119,7 +119,6 @@ fn load(command: &args::Bake) -> anyhow::Result<(Scene, Document)> {
 }
 
 pub fn job(command: &args::Bake) -> anyhow::Result<Job> {
-    let defaults = AtlasOptions::default();
     let repeat = command.settings.as_ref().map(|path| -> anyhow::Result<_> {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
@@ -138,14 +137,8 @@ pub fn job(command: &args::Bake) -> anyhow::Result<Job> {
     Ok(Job {
         atlas: AtlasOptions {
             density: command.density,
-            texels: command.texels.unwrap_or(defaults.texels),
-            // Asked for by number, texels are not capped.
-            max_density: if command.texels.is_some() {
-                f32::MAX
-            } else {
-                defaults.max_density
-            },
             page_size: command.page_size,
+            ..AtlasOptions::with_texels(command.texels)
         },
         options: Options {
             quality: command.quality,

@@ -72,17 +72,8 @@ fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn job(args: &Args) -> Job {
-    let defaults = AtlasOptions::default();
     Job {
-        atlas: AtlasOptions {
-            texels: args.texels.unwrap_or(defaults.texels),
-            max_density: if args.texels.is_some() {
-                f32::MAX
-            } else {
-                defaults.max_density
-            },
-            ..defaults
-        },
+        atlas: AtlasOptions::with_texels(args.texels),
         options: Options {
             quality: args.quality,
             ..Options::default()

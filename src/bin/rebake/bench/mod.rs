@@ -117,7 +117,6 @@ fn read(path: &Path) -> anyhow::Result<Figures> {
 }
 
 fn plan(command: &Bench, on_cpu: bool) -> anyhow::Result<Plan> {
-    let defaults = AtlasOptions::default();
     let pick = |given: &[u64], on_gpu: &[u64], most: u64| -> Vec<u64> {
         if given.is_empty() {
             let all = on_gpu.iter().copied();
@@ -144,15 +143,7 @@ fn plan(command: &Bench, on_cpu: bool) -> anyhow::Result<Plan> {
         .collect::<anyhow::Result<_>>()?;
     Ok(Plan {
         job: Job {
-            atlas: AtlasOptions {
-                texels: command.texels.unwrap_or(defaults.texels),
-                max_density: if command.texels.is_some() {
-                    f32::MAX
-                } else {
-                    defaults.max_density
-                },
-                ..defaults
-            },
+            atlas: AtlasOptions::with_texels(command.texels),
             options: Options {
                 quality: command.quality,
                 clusters: command.clusters,
