@@ -1,7 +1,7 @@
 //! `rebake` bakes lightmaps from glTF scenes by many-light global illumination, and updates them when the scene is edited.
 //!
 //! The modules stand in the order of the data's way; dependencies run one way:
-//! `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake` <- `bench`, `view`.
+//! `trace` <- `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake` <- `bench`, `view`.
 //!
 //! ```text
 //! glTF -> scene -> unwrap -> texels                          what is lit, and where its light is kept
@@ -13,6 +13,8 @@
 //!                                                               |
 //!                         [cube shadow -> accumulate]* -> resolve -> EXR + glTF | viewer
 //! ```
+
+pub mod trace;
 
 pub mod gpu;
 pub mod scene;

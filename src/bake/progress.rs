@@ -75,7 +75,7 @@ impl<'a> Stages<'a> {
     pub(super) fn time<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
         self.listener.at(stage, 0, 1);
         let start = Instant::now();
-        let result = work();
+        let result = tracing::info_span!("stage", name = stage.name()).in_scope(work);
         let took = start.elapsed();
         let mut seconds = self.seconds.lock().unwrap_or_else(|e| e.into_inner());
         *seconds.entry(stage).or_default() += took.as_secs_f64();

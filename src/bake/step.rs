@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
+use tracing::debug_span;
+
 use super::baker::Baker;
 use super::journal::Entry;
 use super::schedule::{self, Held, Plan, What};
@@ -71,6 +73,7 @@ impl Baker {
             Limit::Time(time) => start.elapsed() >= time,
             Limit::Updates(n) => updates >= n,
         };
+        let _span = debug_span!("step").entered();
         let before = self.illumination.lights_sent();
         let mut updates = 0;
         loop {
@@ -162,16 +165,19 @@ impl Baker {
 
     /// Traces so many paths again, and brings the octree and the ledger to what they found.
     fn trace(&mut self, paths: usize) {
+        let _span = debug_span!("validate").entered();
         let scene = self.editor.scene().clone();
         let differences = self.validator.step(&scene, &self.bvh, paths);
         let paths = self.validator.paths();
-        self.clusters.apply(&scene, paths, &differences);
-        self.ledger.note(&self.clusters, &self.held, &differences);
+        debug_span!("octree").in_scope(|| self.clusters.apply(&scene, paths, &differences));
+        let ledger = &mut self.ledger;
+        debug_span!("ledger").in_scope(|| ledger.note(&self.clusters, &self.held, &differences));
     }
 
     /// Finds out what should be held by now, and plans the way there.
     fn plan_wanted(&mut self) {
-        self.wanted.update(&self.clusters, self.target);
+        let _span = debug_span!("plan").entered();
+        debug_span!("wanted").in_scope(|| self.wanted.update(&self.clusters, self.target));
         let held = std::mem::take(&mut self.held);
         let mut updates = self.exchanges(&held);
         self.held = held;
@@ -204,8 +210,8 @@ impl Baker {
             let old = subtract.iter().map(|c| &held[c].selected);
             old.chain(add.iter().map(|c| &wanted[c]))
         });
-        self.brightness
-            .learn(self.editor.scene(), &self.bvh, changing);
+        let (scene, bvh) = (self.editor.scene(), &self.bvh);
+        debug_span!("brightness").in_scope(|| self.brightness.learn(scene, bvh, changing));
         let ledger = |cell: &CellId| self.ledger.flux(cell);
         let update = |group| schedule::exchange(group, held, wanted, &self.brightness, key, ledger);
         groups.into_iter().map(update).collect()
@@ -244,6 +250,7 @@ impl Baker {
 
     /// Does an update: all of it is sent before anything else is.
     fn perform(&mut self, update: &schedule::Update) -> Result<(), GpuError> {
+        let _span = debug_span!("update", kind = update.kind.name()).entered();
         let current = self.illumination.version();
         let mut entry = Entry::new(update.kind, current);
         match &update.what {

@@ -145,6 +145,7 @@ impl Illumination {
         replaced: &[u32],
         boxes: Boxes,
     ) -> Result<Version> {
+        let _span = tracing::debug_span!("change of the scene").entered();
         self.send()?;
         let version = self.versions.begin(scene.bounds(), boxes);
         let mut cmd = self.gpu.commands()?;

@@ -139,7 +139,8 @@ impl Clusters {
         settings: SimilaritySettings,
     ) -> Self {
         let scale = FluxScale::new(path_settings.flux_per_path);
-        let apertures = emitters(scene)
+        let span = tracing::debug_span!("aperture trees").entered();
+        let apertures: BTreeMap<_, _> = emitters(scene)
             .par_iter()
             .zip(&scene.lights)
             .filter_map(|(emitter, light)| {
@@ -150,8 +151,9 @@ impl Clusters {
                 ))
             })
             .collect();
+        drop(span);
         Self {
-            octree: Octree::build(scale, paths.vpls()),
+            octree: tracing::debug_span!("octree").in_scope(|| Octree::build(scale, paths.vpls())),
             apertures,
             settings,
         }

@@ -8,7 +8,8 @@ use ash::vk;
 use bytemuck::Pod;
 
 use super::error::Result;
-use super::queue::{MAX_TIMESTAMPS, MAX_UPLOAD, Recording};
+use super::queue::MAX_UPLOAD;
+use super::recording::{MAX_TIMESTAMPS, Recording};
 use super::{Buffer, Gpu, Pipeline, Ticket};
 
 /// One side of a barrier. Every barrier covers all memory of its stages.
@@ -49,6 +50,8 @@ pub struct Commands {
     /// None once submitted.
     recording: Option<Recording>,
     timestamps: u32,
+    /// A scope is open whose work the device counts.
+    counting: bool,
 }
 
 impl Gpu {
@@ -59,6 +62,7 @@ impl Gpu {
             gpu: self.clone(),
             recording: Some(recording),
             timestamps: 0,
+            counting: false,
         })
     }
 }
@@ -90,6 +94,9 @@ impl Commands {
         let raw = self.raw();
         let pool = self.recording.as_ref().expect("as above").timestamps;
         self.timestamps += 2 * u32::from(timed);
+        let counts = self.recording.as_ref().expect("as above").counts_of(first);
+        let counts = counts.filter(|_| timed && !self.counting);
+        self.counting |= counts.is_some();
         let label = std::ffi::CString::new(name).unwrap_or_default();
         // SAFETY: the command buffer is recording; each timestamp is written once after its reset.
         unsafe {
@@ -107,10 +114,18 @@ impl Commands {
                     first,
                 );
             }
+            if let Some((pool, at)) = counts {
+                let flags = vk::QueryControlFlags::empty();
+                self.device().cmd_begin_query(raw, pool, at, flags);
+            }
         }
         let result = record(self);
         // SAFETY: as above.
         unsafe {
+            if let Some((pool, at)) = counts {
+                self.device().cmd_end_query(raw, pool, at);
+                self.counting = false;
+            }
             if timed {
                 self.device().cmd_write_timestamp2(
                     raw,

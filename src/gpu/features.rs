@@ -35,6 +35,19 @@ impl Features {
     }
 }
 
+impl Features {
+    /// Whether draws and dispatches can be counted: for traces, which do without.
+    pub(super) fn counts(&self) -> bool {
+        self.core.pipeline_statistics_query == vk::TRUE
+    }
+
+    /// Switches that on as well.
+    pub(super) fn with_counts(mut self, counts: bool) -> Self {
+        self.core.pipeline_statistics_query = counts.into();
+        self
+    }
+}
+
 macro_rules! required {
     ($($chain:ident . $field:ident),* $(,)?) => {
         /// Names of the required features that `supported` has not.

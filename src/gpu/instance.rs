@@ -267,6 +267,27 @@ impl Instance {
         }
     }
 
+    /// Whether a device can tell its time together with the host's.
+    pub(super) fn calibrates(&self, device: &DeviceInfo) -> bool {
+        let name = ext::calibrated_timestamps::NAME;
+        // SAFETY: the handle is one of this instance's; the function is asked for only where the extension is.
+        unsafe {
+            let extensions = self
+                .raw
+                .enumerate_device_extension_properties(device.handle)
+                .unwrap_or_default();
+            let mut names = extensions.iter().map(|e| e.extension_name_as_c_str());
+            if !names.any(|n| n == Ok(name)) {
+                return false;
+            }
+            let loader = ext::calibrated_timestamps::Instance::new(&self.entry, &self.raw);
+            let domains = loader
+                .get_physical_device_calibrateable_time_domains(device.handle)
+                .unwrap_or_default();
+            domains.contains(&vk::TimeDomainEXT::DEVICE)
+        }
+    }
+
     /// The device that `wanted` names (index, or part of the name in any case), or the best there is.
     pub(super) fn choose(&self, wanted: Option<&str>) -> Result<DeviceInfo> {
         let devices = self.devices()?;

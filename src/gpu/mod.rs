@@ -7,6 +7,7 @@
 #![allow(unsafe_code, reason = "this is the one room that talks to the driver")]
 
 mod buffer;
+mod clock;
 mod commands;
 mod draw;
 mod error;
@@ -17,6 +18,7 @@ mod image_copies;
 mod instance;
 mod pipeline;
 mod queue;
+mod recording;
 mod swapchain;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -42,6 +44,8 @@ pub use swapchain::{Frame, Swapchain};
 pub use textures::{Edge, Sampler, Textures};
 pub use ticket::{Ticket, Timing};
 
+use clock::Clock;
+use features::Features;
 use instance::Instance;
 use queue::Queue;
 
@@ -53,6 +57,8 @@ struct Shared {
     info: DeviceInfo,
     timestamp_ns: f64,
     max_groups: [u32; 3],
+    /// What the queue can count, where the device counts at all.
+    statistics: Option<vk::QueryPipelineStatisticFlags>,
     /// Bytes in live buffers, and their peak.
     allocated: AtomicU64,
     peak: AtomicU64,
@@ -97,9 +103,10 @@ impl Gpu {
         // SAFETY: handles come from this instance; all pointers outlive the calls.
         unsafe {
             let properties = instance.raw.get_physical_device_properties(info.handle);
-            let family = instance
+            let families = instance
                 .raw
-                .get_physical_device_queue_family_properties(info.handle)
+                .get_physical_device_queue_family_properties(info.handle);
+            let family = families
                 .iter()
                 .enumerate()
                 .filter(|(_, family)| {
@@ -119,12 +126,22 @@ impl Gpu {
             let queues = [vk::DeviceQueueCreateInfo::default()
                 .queue_family_index(family)
                 .queue_priorities(&[1.0])];
-            let mut required = features::required();
+            let counts = Features::supported(&instance.raw, info.handle).counts();
+            let draws = families[family as usize]
+                .queue_flags
+                .contains(vk::QueueFlags::GRAPHICS);
+            let statistics = counts.then(|| counted(draws));
+            let mut required = features::required().with_counts(counts);
             let mut chain = required.chain();
-            let extensions: Vec<_> = (!window.is_empty())
-                .then_some(ash::khr::swapchain::NAME.as_ptr())
-                .into_iter()
-                .collect();
+            // Traces do without, less exactly.
+            let calibrates = instance.calibrates(&info);
+            let extensions: Vec<_> = [
+                (!window.is_empty()).then_some(ash::khr::swapchain::NAME.as_ptr()),
+                calibrates.then_some(ext::calibrated_timestamps::NAME.as_ptr()),
+            ]
+            .into_iter()
+            .flatten()
+            .collect();
             let create = vk::DeviceCreateInfo::default()
                 .queue_create_infos(&queues)
                 .enabled_extension_names(&extensions)
@@ -136,6 +153,9 @@ impl Gpu {
             let debug = instance
                 .has_debug_utils
                 .then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+            let clock = Clock::new(
+                calibrates.then(|| ext::calibrated_timestamps::Device::new(&instance.raw, &device)),
+            );
 
             let made = Allocator::new(&AllocatorCreateDesc {
                 instance: instance.raw.clone(),
@@ -150,7 +170,7 @@ impl Gpu {
                 bytes: 0,
                 reason: e.to_string(),
             })
-            .and_then(|allocator| Ok((allocator, Queue::new(&device, family)?)));
+            .and_then(|allocator| Ok((allocator, Queue::new(&device, family, clock)?)));
             let (allocator, queue) = match made {
                 Ok(made) => made,
                 Err(error) => {
@@ -161,6 +181,7 @@ impl Gpu {
             Ok(Self(Arc::new(Shared {
                 timestamp_ns: f64::from(properties.limits.timestamp_period),
                 max_groups: properties.limits.max_compute_work_group_count,
+                statistics,
                 info,
                 allocated: AtomicU64::new(0),
                 peak: AtomicU64::new(0),
@@ -207,6 +228,19 @@ impl Gpu {
                 tracing::debug!("naming {name:?}: {result}");
             }
         }
+    }
+}
+
+/// What is counted on a queue that draws, or on one that only computes; in the order of [`crate::trace::PassCounts`].
+fn counted(draws: bool) -> vk::QueryPipelineStatisticFlags {
+    use vk::QueryPipelineStatisticFlags as Kind;
+    let drawn = Kind::VERTEX_SHADER_INVOCATIONS
+        | Kind::CLIPPING_PRIMITIVES
+        | Kind::FRAGMENT_SHADER_INVOCATIONS;
+    if draws {
+        drawn | Kind::COMPUTE_SHADER_INVOCATIONS
+    } else {
+        Kind::COMPUTE_SHADER_INVOCATIONS
     }
 }
 

@@ -60,6 +60,7 @@ impl Gpu {
         );
         let device = &self.0.device;
         let name = shader.name;
+        let _span = tracing::debug_span!("pipeline", shader = name).entered();
         let code = shader.words();
         let entries = entries(constants);
         let specialization = vk::SpecializationInfo::default()

@@ -10,15 +10,14 @@ use gpu_allocator::vulkan::{Allocation, Allocator};
 
 use super::Shared;
 use super::buffer::{Memory, RawBuffer};
+use super::clock::Clock;
 use super::error::{GpuError, Result};
+use super::recording::{ALL_TIMESTAMPS, Recording};
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
 /// The most that one upload copies: a quarter of the ring.
 pub(super) const MAX_UPLOAD: usize = RING_BYTES as usize / 4;
-/// Timestamps a recording can take.
-pub(super) const MAX_TIMESTAMPS: u32 = 256;
-
 /// Something to free once the device is done with it.
 pub(super) enum Garbage {
     Buffer(RawBuffer),
@@ -40,17 +39,6 @@ pub(super) enum Garbage {
     ),
 }
 
-/// A command buffer with its pool and timestamps, reused when its submission has finished.
-pub(super) struct Recording {
-    /// Counts recordings in the order they were begun.
-    pub(super) serial: u64,
-    pub(super) pool: vk::CommandPool,
-    pub(super) buffer: vk::CommandBuffer,
-    pub(super) timestamps: vk::QueryPool,
-    /// Name, index of the first timestamp; the second follows.
-    pub(super) scopes: Vec<(&'static str, u32)>,
-}
-
 /// The queue and everything that waits for it.
 pub(super) struct Queue {
     raw: vk::Queue,
@@ -70,10 +58,11 @@ pub(super) struct Queue {
     /// Bytes ever taken from the ring.
     ring_head: u64,
     pub(super) timings: BTreeMap<&'static str, (u64, f64)>,
+    pub(super) clock: Clock,
 }
 
 impl Queue {
-    pub(super) fn new(device: &ash::Device, family: u32) -> Result<Self> {
+    pub(super) fn new(device: &ash::Device, family: u32, clock: Clock) -> Result<Self> {
         let mut kind =
             vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
@@ -97,6 +86,7 @@ impl Queue {
             ring: None,
             ring_head: 0,
             timings: BTreeMap::new(),
+            clock,
         })
     }
 
@@ -128,7 +118,7 @@ impl Queue {
                         .command_buffer_count(1);
                     let queries = vk::QueryPoolCreateInfo::default()
                         .query_type(vk::QueryType::TIMESTAMP)
-                        .query_count(MAX_TIMESTAMPS);
+                        .query_count(ALL_TIMESTAMPS);
                     let made = device.allocate_command_buffers(&info).and_then(|buffers| {
                         Ok((buffers[0], device.create_query_pool(&queries, None)?))
                     });
@@ -136,22 +126,17 @@ impl Queue {
                         device.destroy_command_pool(pool, None);
                         GpuError::call("vkAllocateCommandBuffers")(result)
                     })?;
-                    Recording {
-                        serial: 0,
-                        pool,
-                        buffer,
-                        timestamps,
-                        scopes: Vec::new(),
-                    }
+                    Recording::new(pool, buffer, timestamps)
                 }
             };
-            device.reset_query_pool(recording.timestamps, 0, MAX_TIMESTAMPS);
+            device.reset_query_pool(recording.timestamps, 0, ALL_TIMESTAMPS);
             let info = vk::CommandBufferBeginInfo::default()
                 .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             if let Err(result) = device.begin_command_buffer(recording.buffer, &info) {
                 self.idle.push(recording);
                 return Err(GpuError::call("vkBeginCommandBuffer")(result));
             }
+            recording.begin_trace(shared);
             recording.serial = self.next;
             self.live.insert(self.next, None);
             self.next += 1;
@@ -189,10 +174,11 @@ impl Queue {
     pub(super) fn submit_between(
         &mut self,
         shared: &Shared,
-        recording: Recording,
+        mut recording: Recording,
         window: Option<[vk::Semaphore; 2]>,
     ) -> Result<u64> {
         let value = self.submitted + 1;
+        let _span = tracing::debug_span!("submit", submission = value).entered();
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(recording.buffer)];
         let at = |semaphore| {
             vk::SemaphoreSubmitInfo::default()
@@ -211,6 +197,7 @@ impl Queue {
             .signal_semaphore_infos(&signals)];
         // SAFETY: the recording has ended and is not in flight; the queue is locked.
         let sent = unsafe {
+            recording.end_trace(shared, value);
             shared
                 .device
                 .end_command_buffer(recording.buffer)
@@ -253,6 +240,7 @@ impl Queue {
 
     /// Waits for submission `value` and collects what waited for it.
     pub(super) fn wait(&mut self, shared: &Shared, value: u64) -> Result<()> {
+        let _span = tracing::debug_span!("wait", submission = value).entered();
         let waited = wait(shared, self.semaphore, value);
         self.waited(shared, waited)
     }
@@ -288,27 +276,10 @@ impl Queue {
             .front()
             .is_some_and(|(value, _)| *value <= finished)
         {
-            let Some((_, recording)) = self.in_flight.pop_front() else {
+            let Some((value, recording)) = self.in_flight.pop_front() else {
                 break;
             };
-            for (name, first) in &recording.scopes {
-                let mut ticks = [0u64; 2];
-                // SAFETY: both timestamps were written by the finished submission.
-                let read = unsafe {
-                    shared.device.get_query_pool_results(
-                        recording.timestamps,
-                        *first,
-                        &mut ticks,
-                        vk::QueryResultFlags::TYPE_64,
-                    )
-                };
-                if read.is_ok() {
-                    let timing = self.timings.entry(name).or_default();
-                    timing.0 += 1;
-                    timing.1 +=
-                        ticks[1].saturating_sub(ticks[0]) as f64 * shared.timestamp_ns * 1e-6;
-                }
-            }
+            self.time(shared, value, &recording);
             self.live.remove(&recording.serial);
             self.idle.push(recording);
         }
@@ -406,6 +377,7 @@ impl Queue {
                 .chain(self.in_flight.drain(..).map(|(_, r)| r))
             {
                 device.destroy_query_pool(recording.timestamps, None);
+                device.destroy_query_pool(recording.counts.unwrap_or_default(), None);
                 device.destroy_command_pool(recording.pool, None);
             }
             if let Some(allocator) = allocator {

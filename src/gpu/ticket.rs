@@ -18,6 +18,7 @@ impl Ticket {
     /// [`super::GpuError::Lost`] with the scopes that were running; [`super::GpuError::Validation`] if the layer has spoken.
     pub fn wait(&self) -> Result<()> {
         let shared = &self.gpu.0;
+        let _span = tracing::debug_span!("wait", submission = self.value).entered();
         let semaphore = self.gpu.queue().semaphore();
         let waited = super::queue::wait(shared, semaphore, self.value);
         self.gpu.queue().waited(shared, waited)?;

@@ -212,6 +212,7 @@ impl<'a> Tracer<'a> {
         let chunks: Vec<Vec<Path>> = (0..count.div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
+                let _span = tracing::debug_span!("trace paths", light, chunk).entered();
                 (chunk * CHUNK..count.min((chunk + 1) * CHUNK))
                     .map(|index| self.path(light, index))
                     .collect()

@@ -221,6 +221,7 @@ impl Validator {
             self.drop_last(light, dropped, &mut differences);
         }
         let tracer = Tracer::with_emitters(scene, bvh, &self.settings, self.emitters.clone());
+        let span = tracing::debug_span!("trace paths", paths = jobs.len()).entered();
         let traced: Vec<Path> = jobs
             .par_iter()
             .with_min_len(16)
@@ -235,6 +236,7 @@ impl Validator {
                 }
             })
             .collect();
+        drop(span);
         for ((light, index), path) in jobs.into_iter().zip(traced) {
             self.replace(light, index, path, &mut differences);
         }

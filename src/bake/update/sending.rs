@@ -76,6 +76,8 @@ impl Illumination {
         while self.in_flight.len() >= IN_FLIGHT {
             self.retire()?;
         }
+        let lights = self.pending[queue].len();
+        let _span = tracing::debug_span!("record batch", lights, direct = queue == 1).entered();
         let mut views = Vec::new();
         let mut offset = 0;
         let mut regions: Vec<Region> = Vec::new();

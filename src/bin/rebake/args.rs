@@ -24,6 +24,9 @@ pub struct Args {
     /// Worker threads; the result does not depend on them
     #[arg(long, global = true)]
     pub threads: Option<NonZeroUsize>,
+    /// Write where the time went: spans of all threads and passes of the device, for ui.perfetto.dev or chrome://tracing
+    #[arg(long, global = true, value_name = "JSON")]
+    pub trace: Option<PathBuf>,
     /// Write results, progress and errors as JSON, one object a line
     #[arg(long, global = true)]
     pub json: bool,

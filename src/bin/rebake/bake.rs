@@ -11,6 +11,7 @@ use rebake::lightmap::{AtlasOptions, export};
 use rebake::scene::{Document, Scene, overlay_lights};
 use serde::Deserialize;
 use serde_json::json;
+use tracing::info_span;
 
 use super::args::{self, Args, Clusters};
 use super::console::{Console, print};
@@ -64,7 +65,10 @@ pub fn prepare(args: &Args, command: &args::Bake) -> anyhow::Result<(Gpu, Scene,
         validate: args.validate,
     };
     // The driver starts while the file is read.
-    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || load(command));
+    let (gpu, loaded) = rayon::join(
+        || info_span!("device").in_scope(|| Gpu::new(&options)),
+        || info_span!("load").in_scope(|| load(command)),
+    );
     let (scene, document) = loaded?;
     let gpu = gpu?;
     export::check_output(&command.output)?;
@@ -84,7 +88,8 @@ pub fn write(
         mut report,
     } = baked;
     report.total_seconds = start.elapsed().as_secs_f64();
-    let written = output::write(folder, &baker, &lightmap, &report, extra)?;
+    let written = info_span!("write")
+        .in_scope(|| output::write(folder, &baker, &lightmap, &report, extra))?;
     Ok((report, written))
 }
 
