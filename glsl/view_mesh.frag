@@ -9,6 +9,7 @@ layout(constant_id = 0) const uint LOOK = LOOK_LIT;
 layout(set = 0, binding = 0) uniform sampler2DArray color_image;
 layout(set = 0, binding = 1) uniform sampler2DArray emission_image;
 layout(set = 0, binding = 2) uniform sampler2DArray lightmap;
+layout(set = 0, binding = 3) uniform sampler2DArray reference;
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -20,6 +21,13 @@ layout(location = 0) out vec4 color;
 
 // Half floats end there.
 const float MOST = 65000.0;
+
+// A checker's mean over a box: 1 and -1 by turns (Inigo Quilez).
+float checker(vec2 at, vec2 extent) {
+    vec2 ends = abs(fract((at + 0.5 * extent) * 0.5) - 0.5) - abs(fract((at - 0.5 * extent) * 0.5) - 0.5);
+    vec2 stripes = 2.0 * ends / extent;
+    return stripes.x * stripes.y;
+}
 
 void main() {
     Surface s = surfaces.at[surface];
@@ -38,6 +46,19 @@ void main() {
         color = vec4(base.rgb * flat_light * 0.55, 1.0);
     } else if (LOOK == LOOK_LIGHT) {
         color = vec4(min(light * (0.5 / PI) * p.exposure, MOST), 1.0);
+    } else if (LOOK == LOOK_TEXELS) {
+        // Of texels, and where these are too small to be seen, of squares of 8 by 8.
+        vec2 texel = light_uv * p.page_size;
+        vec2 extent = max(max(abs(dFdx(texel)), abs(dFdy(texel))), 1e-4);
+        float small = checker(texel, extent);
+        float large = checker(texel / 8.0, extent / 8.0);
+        float facing = abs(dot(normalize(normal), normalize(p.eye - position)));
+        vec3 tint = vec3(0.5) + (0.3 * small + 0.12 * large) * vec3(1.0, 0.55, -0.35);
+        color = vec4(tint * (0.25 + 0.6 * facing), 1.0);
+    } else if (LOOK == LOOK_ERROR) {
+        float is = dot(light, vec3(1.0 / 3.0)) / p.lux;
+        float should = dot(texture(reference, vec3(light_uv, page)).rgb, vec3(1.0 / 3.0));
+        color = vec4(vec3(min(abs(is - should) / max(should, p.least), MOST)), 1.0);
     } else if (LOOK == LOOK_LUX) {
         color = vec4(vec3(min(dot(light, LUMINANCE) / LUX_STEP, MOST)), 1.0);
     } else {

@@ -13,7 +13,9 @@ struct Picture {
     float exposure;  // display units per cd/m²
     float lux;       // lux per unit of the lightmap's image
     float page_size; // texels
-    vec2 scale;      // lux at both ends of a false-colour scale
+    vec2 scale;      // what both ends of a false-colour scale stand for
+    float page;      // that is looked at
+    float least;     // errors are relative to no less than this, units of the lightmap's image
 };
 
 struct Vertex {

@@ -41,9 +41,12 @@ vec3 turbo(float x) {
 void main() {
     vec4 seen = texture(radiance, vec3(uv, 0.0));
     vec3 inside = seen.rgb / max(seen.a, 1e-6);
-    if (LOOK == LOOK_LUX) {
+    if (LOOK == LOOK_LUX || LOOK == LOOK_ERROR) {
         vec2 ends = log2(picture.it.scale);
-        inside = turbo(clamp((log2(max(inside.r * LUX_STEP, 1e-20)) - ends.x) / (ends.y - ends.x), 0.0, 1.0));
+        float value = inside.r * (LOOK == LOOK_LUX ? LUX_STEP : 1u);
+        inside = turbo(clamp((log2(max(value, 1e-20)) - ends.x) / (ends.y - ends.x), 0.0, 1.0));
+    } else if (LOOK == LOOK_TEXELS) {
+        inside = pow(inside, vec3(1.0 / 2.2));
     } else {
         inside = agx(inside);
     }

@@ -21,13 +21,17 @@ fn cornell() -> PathBuf {
 
 /// Plays a script on the Cornell box and returns its pictures, RGB.
 fn play(name: &str, script: &str) -> Vec<image::RgbImage> {
+    play_with(name, script, &cornell(), &[])
+}
+
+/// The same with another scene and more options.
+fn play_with(name: &str, script: &str, scene: &Path, more: &[&str]) -> Vec<image::RgbImage> {
     let folder = tempfile::tempdir().expect("a folder");
     let walk = folder.path().join("walk.jsonl");
     let frames = folder.path().join(name);
     std::fs::write(&walk, script).expect("a script");
-    let scene = cornell();
     let args = [
-        text(&scene),
+        text(scene),
         "--headless",
         "--script",
         text(&walk),
@@ -41,7 +45,7 @@ fn play(name: &str, script: &str) -> Vec<image::RgbImage> {
         "8k",
         "--validate",
     ];
-    let out = viewer(&args);
+    let out = viewer(&[&args, more].concat());
     let said = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success(), "{said}");
     assert_eq!(said, "");
@@ -120,6 +124,147 @@ fn false_colours_tell_lux_apart() {
     assert!(
         below[0] < 80.0 && below[1] < 60.0,
         "below the scale: {below:?}"
+    );
+}
+
+/// Shares of a picture that differ from another one much, right of the scales, and left of them.
+fn changed(a: &image::RgbImage, b: &image::RgbImage) -> [f32; 2] {
+    let mut counts = [[0, 0]; 2];
+    for (x, y, pixel) in a.enumerate_pixels() {
+        let other = b.get_pixel(x, y);
+        let far = (0..3).any(|k| pixel.0[k].abs_diff(other.0[k]) > 24);
+        let side = &mut counts[usize::from(x < a.width() / 5)];
+        side[0] += usize::from(far);
+        side[1] += 1;
+    }
+    counts.map(|[far, all]| far as f32 / all as f32)
+}
+
+#[test]
+fn overlays_lie_over_the_scene_with_their_scales_and_go_again() {
+    let script = concat!(
+        "{\"do\":\"exposure\",\"ev\":5}\n",
+        "{\"do\":\"wait\",\"until\":\"converged\"}\n",
+        "{\"do\":\"frame\"}\n",
+        "{\"do\":\"overlay\",\"show\":[\"lights\"]}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"overlay\",\"show\":[\"cells\"]}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"overlay\",\"show\":[\"vpls\"]}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"overlay\",\"show\":[\"invalid\"]}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"material\",\"material\":\"lamp\",\"emissiveStrength\":8.0}\n",
+        "{\"do\":\"wait\",\"until\":{\"updates\":0}}\n{\"do\":\"frame\",\"updates\":0}\n",
+        "{\"do\":\"undo\"}\n{\"do\":\"wait\",\"until\":\"converged\"}\n{\"do\":\"frame\"}\n",
+    );
+    let pictures = play("overlays", script);
+    let [plain, lights, cells, vpls, valid, invalid, again] = &pictures[..] else {
+        panic!("{} pictures", pictures.len());
+    };
+    let [scene, scale] = changed(plain, lights);
+    assert!(scene > 0.3 && scale > 0.05, "lights: {scene} {scale}");
+    let [scene, scale] = changed(plain, cells);
+    assert!(
+        (0.02..0.6).contains(&scene) && scale > 0.05,
+        "cells: {scene} {scale}"
+    );
+    let [scene, scale] = changed(plain, vpls);
+    assert!(
+        (0.02..0.9).contains(&scene) && scale == 0.0,
+        "VPLs: {scene} {scale}"
+    );
+    assert_eq!(valid, plain, "nothing is invalid");
+    let [scene, scale] = changed(plain, invalid);
+    assert!(scene > 0.02 && scale > 0.05, "invalid: {scene} {scale}");
+    assert_eq!(again, plain, "all is valid again");
+}
+
+#[test]
+fn a_page_is_shown_flat_with_its_charts_and_texels_on_the_scene() {
+    let script = concat!(
+        "{\"do\":\"wait\",\"until\":\"converged\"}\n",
+        "{\"do\":\"look\",\"look\":\"page\"}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"look\",\"look\":\"page\",\"center\":[0.05,0.05],\"zoom\":8}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"look\",\"look\":\"texels\"}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"exposure\",\"ev\":9}\n{\"do\":\"frame\"}\n",
+    );
+    let pictures = play("page", script);
+    let [page, corner, texels, darker] = &pictures[..] else {
+        panic!("{} pictures", pictures.len());
+    };
+    // Beside the page is nothing; its first chart begins near its corner.
+    let outside = around(page, 0.1, 0.5);
+    assert!(outside.iter().all(|v| *v < 32.0), "{outside:?}");
+    let inside = around(corner, 0.6, 0.6);
+    assert!(inside.iter().all(|v| *v > 40.0), "{inside:?}");
+    let colourful = |picture: &image::RgbImage| {
+        let far = |p: &&image::Rgb<u8>| p.0.iter().max().unwrap() - p.0.iter().min().unwrap() > 60;
+        picture.pixels().filter(far).count()
+    };
+    assert!(colourful(page) > 300, "outlines: {}", colourful(page));
+    let (x, y) = (160, 100);
+    let near: Vec<_> = (0..40)
+        .map(|i| texels.get_pixel(x - 20 + i, y).0[2])
+        .collect();
+    let (low, high) = (near.iter().min().unwrap(), near.iter().max().unwrap());
+    assert!(high - low > 40, "texels differ: {near:?}");
+    assert_eq!(texels, darker, "whatever the light is");
+}
+
+#[test]
+fn errors_are_told_against_a_reference_of_the_same_texels() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bake = folder.path().join("bake");
+    let out = Command::new(env!("CARGO_BIN_EXE_rebake"))
+        .args(["bake", text(&cornell()), "-o", text(&bake), "-q"])
+        .args(["--quality", "draft", "--texels", "8k"])
+        .output()
+        .expect("rebake starts");
+    assert!(
+        out.status.success(),
+        "{}",
+        String::from_utf8_lossy(&out.stderr)
+    );
+    let script = concat!(
+        "{\"do\":\"wait\",\"until\":\"converged\"}\n",
+        "{\"do\":\"look\",\"look\":\"error\",\"scale\":[0.01,1]}\n{\"do\":\"frame\"}\n",
+        "{\"do\":\"material\",\"material\":\"lamp\",\"emissiveStrength\":1530}\n",
+        "{\"do\":\"wait\",\"until\":\"converged\"}\n{\"do\":\"frame\"}\n",
+    );
+    let scene = bake.join("scene.glb");
+    let more = ["--reference", text(&bake)];
+    let pictures = play_with("error", script, &scene, &more);
+    let [same, dimmed] = &pictures[..] else {
+        panic!("{} pictures", pictures.len());
+    };
+    let [same, dimmed] = [same, dimmed].map(|p| around(p, 0.5, 0.25));
+    assert!(same[1] < 40.0 && same[0] < 70.0, "below 1 %: {same:?}");
+    // The lamp had 5,100: an error of 70 %.
+    assert!(dimmed[0] > 120.0 && dimmed[2] < 40.0, "{dimmed:?}");
+
+    // Without one, or with one of other texels, a line says so.
+    let walk = folder.path().join("walk.jsonl");
+    std::fs::write(&walk, "{\"do\":\"look\",\"look\":\"error\"}").expect("a script");
+    let frames = folder.path().join("frames");
+    let options = [
+        "--headless",
+        "--script",
+        text(&walk),
+        "--frames-dir",
+        text(&frames),
+    ];
+    let fail = |more: &[&str]| {
+        let scene = cornell();
+        let out = viewer(&[&[text(&scene)], &options[..], more].concat());
+        assert!(!out.status.success());
+        String::from_utf8_lossy(&out.stderr).into_owned()
+    };
+    let said = fail(&[]);
+    assert!(
+        said.contains("line 1") && said.contains("--reference"),
+        "{said}"
+    );
+    let said = fail(&["--texels", "400k", "--reference", text(&bake)]);
+    assert!(
+        said.contains("other pages") && said.contains("scene.glb"),
+        "{said}"
     );
 }
 

@@ -409,7 +409,7 @@ impl Probe for DirectLight<'_> {
     }
 }
 
-fn resolve(scene: &Scene, job: &Job) -> Settings {
+pub(super) fn resolve(scene: &Scene, job: &Job) -> Settings {
     let flux: f64 = paths::emitters(scene)
         .iter()
         .map(|e| f64::from(e.flux.element_sum()) / 3.0)

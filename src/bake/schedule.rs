@@ -172,6 +172,19 @@ impl Plan {
     pub(super) fn invalid_flux(&self) -> f64 {
         self.validation.iter().map(|u| u.gain).sum()
     }
+
+    /// The same by cell; cells that are exchanged together share it.
+    pub(super) fn invalid_cells(&self) -> impl Iterator<Item = (CellId, f64)> {
+        self.validation.iter().flat_map(|update| {
+            let cells = match &update.what {
+                What::Advance(cell) => vec![*cell],
+                What::Exchange { subtract, add } if add.is_empty() => subtract.clone(),
+                What::Exchange { add, .. } => add.clone(),
+            };
+            let share = update.gain / cells.len().max(1) as f64;
+            cells.into_iter().map(move |cell| (cell, share))
+        })
+    }
 }
 
 /// The share of updates that validation gets (eq. 2).

@@ -2,11 +2,20 @@
 
 use std::path::Path;
 
-use super::baker::Baker;
-use super::run::BakeError;
+use super::baker::{Baker, resolve};
+use super::run::{BakeError, Job};
+use super::settings::Settings;
 use crate::cluster::{CellId, VirtualLight};
+use crate::scene::Scene;
 use crate::scene::edit::{Change, Edit};
-use crate::transport::SceneBvh;
+use crate::transport::{SceneBvh, Vpl};
+
+impl Job {
+    /// What its options come to for a scene.
+    pub fn settings(&self, scene: &Scene) -> Settings {
+        resolve(scene, self)
+    }
+}
 
 impl Baker {
     /// Does another edit in place of the last one: while something is dragged, all of it is to be one edit to undo.
@@ -45,8 +54,13 @@ impl Baker {
         held.flat_map(|(cell, held)| held.selected.lights.iter().map(move |light| (cell, light)))
     }
 
-    /// Lumens in the map that are estimated to be wrong, by cell, of the cells that it holds.
-    pub fn invalid_flux(&self) -> impl Iterator<Item = (&CellId, f64)> {
-        self.held.keys().map(|cell| (cell, self.ledger.flux(cell)))
+    /// The virtual point lights that the scene's light paths have left so far.
+    pub fn vpls(&self) -> impl Iterator<Item = &Vpl> {
+        self.validator.paths().vpls()
+    }
+
+    /// Lumens in the map that are estimated to be wrong, by cell, as far as paths have been traced since the last edit.
+    pub fn invalid_flux(&self) -> impl Iterator<Item = (CellId, f64)> {
+        self.plan.invalid_cells()
     }
 }

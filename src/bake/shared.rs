@@ -36,6 +36,9 @@ pub const MACROS: &[(&str, u32)] = &[
     ("LOOK_UNBAKED", LOOK_UNBAKED),
     ("LOOK_LIGHT", LOOK_LIGHT),
     ("LOOK_LUX", LOOK_LUX),
+    ("LOOK_TEXELS", LOOK_TEXELS),
+    ("LOOK_ERROR", LOOK_ERROR),
+    ("LOOK_PAGE", LOOK_PAGE),
     ("LUX_STEP", LUX_STEP),
 ];
 
@@ -115,5 +118,11 @@ pub const LOOK_UNBAKED: u32 = 1;
 pub const LOOK_LIGHT: u32 = 2;
 /// Lux in false colours.
 pub const LOOK_LUX: u32 = 3;
+/// What a picture of the scene shows: where the lightmap's texels lie.
+pub const LOOK_TEXELS: u32 = 4;
+/// What a picture of the scene shows: how far the light is from a reference.
+pub const LOOK_ERROR: u32 = 5;
+/// What a picture of the scene shows: a page of the lightmap.
+pub const LOOK_PAGE: u32 = 6;
 /// Lux per unit of a half float in a picture of [`LOOK_LUX`].
 pub const LUX_STEP: u32 = 16;

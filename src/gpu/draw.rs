@@ -19,10 +19,21 @@ pub struct Targets<'a> {
     pub color: &'a Image,
     /// Gets the mean of the colour's samples at the end.
     pub resolve: Option<&'a Image>,
-    /// Depth, cleared to 0: infinitely far.
-    pub depth: Option<&'a Image>,
+    /// Depth.
+    pub depth: Option<DepthTarget<'a>>,
     /// What colour begins as; none: what it was.
     pub clear: Option<[f32; 4]>,
+}
+
+/// Depth that is drawn with.
+#[derive(Clone, Copy)]
+pub struct DepthTarget<'a> {
+    /// Where it lies.
+    pub image: &'a Image,
+    /// It begins as what was kept, instead of as 0: infinitely far.
+    pub goes_on: bool,
+    /// It is needed afterwards.
+    pub kept: bool,
 }
 
 /// Which sides of triangles are drawn.
@@ -91,10 +102,19 @@ impl Commands {
             .layer_count(1)
             .color_attachments(&colors);
         let depth = targets.depth.map(|depth| {
-            assert_eq!(depth.size(), size, "`{}` is of another size", depth.name());
-            attachment(depth)
-                .load_op(vk::AttachmentLoadOp::CLEAR)
-                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+            let image = depth.image;
+            assert_eq!(image.size(), size, "`{}` is of another size", image.name());
+            attachment(image)
+                .load_op(if depth.goes_on {
+                    vk::AttachmentLoadOp::LOAD
+                } else {
+                    vk::AttachmentLoadOp::CLEAR
+                })
+                .store_op(if depth.kept {
+                    vk::AttachmentStoreOp::STORE
+                } else {
+                    vk::AttachmentStoreOp::DONT_CARE
+                })
                 .clear_value(vk::ClearValue {
                     depth_stencil: vk::ClearDepthStencilValue {
                         depth: 0.0,
@@ -241,12 +261,13 @@ impl Drawing<'_> {
         unsafe { self.cmd.device().cmd_set_scissor(self.cmd.raw(), 0, &area) };
     }
 
-    /// Draws `count` vertices.
-    pub fn vertices(&mut self, count: u32) {
+    /// Draws the vertices of these numbers.
+    pub fn vertices(&mut self, range: Range<u32>) {
         assert!(self.bound.is_some(), "a pipeline comes first");
+        let (raw, count) = (self.cmd.raw(), range.len() as u32);
         if count > 0 {
             // SAFETY: a pipeline is bound.
-            unsafe { self.cmd.device().cmd_draw(self.cmd.raw(), count, 1, 0, 0) };
+            unsafe { self.cmd.device().cmd_draw(raw, count, 1, range.start, 0) };
         }
     }
 

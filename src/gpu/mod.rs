@@ -34,7 +34,7 @@ use raw_window_handle::HasDisplayHandle;
 
 pub use buffer::{Address, Buffer, Memory};
 pub use commands::{Commands, Stage};
-pub use draw::{Drawing, Sides, Targets};
+pub use draw::{DepthTarget, Drawing, Sides, Targets};
 pub use error::{GpuError, Result};
 pub use graphics::{Blend, DepthUse, GraphicsOptions, GraphicsPipeline, Topology};
 pub use image::{Format, Image, ImageOptions};

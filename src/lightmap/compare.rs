@@ -9,7 +9,7 @@ use super::glb::page_file;
 
 /// Texels whose reference is darker than this part of its mean count for [`Comparison::rmse`], but not for the relative error: there it
 /// says nothing.
-const DARK: f64 = 0.02;
+pub const DARK: f64 = 0.02;
 /// How many of the worst texels are listed.
 const WORST: usize = 10;
 
@@ -270,6 +270,12 @@ pub(crate) fn png(rgb: &[u8], width: u32, height: u32) -> Result<Vec<u8>, image:
     PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
         .write_image(rgb, width, height, image::ExtendedColorType::Rgb8)?;
     Ok(bytes)
+}
+
+/// Reads the pages of a folder that a bake wrote, or one EXR file.
+pub fn load_pages(path: &Path) -> Result<Vec<Image>, CompareError> {
+    let load = |path: PathBuf| read(&path).map_err(|cause| CompareError::Read { path, cause });
+    files(path)?.into_iter().map(load).collect()
 }
 
 /// The pages of a folder that a bake wrote, or the file itself.

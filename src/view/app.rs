@@ -12,13 +12,14 @@ use winit::window::{Window, WindowId};
 
 use super::ViewError;
 use super::frames::Frames;
+use super::reference::{self, Reference};
 use super::shown::Shown;
 use super::state::{Files, Viewer};
 use super::textures::Samplers;
 use super::worker::{Request, Setup, Status, Worker};
 use crate::bake::Job;
 use crate::gpu::{Gpu, GpuOptions};
-use crate::scene::{Document, Scene};
+use crate::scene::Scene;
 use crate::transport::SceneBvh;
 
 /// Between two looks at the scene's file.
@@ -42,6 +43,8 @@ pub struct WindowOptions {
     pub gpu: GpuOptions,
     /// Where saved files go.
     pub folder: PathBuf,
+    /// What the light is held against.
+    pub reference: Option<PathBuf>,
     /// Where the times of frames go at the end.
     pub stats: Option<PathBuf>,
 }
@@ -195,20 +198,28 @@ impl Open {
             .map_err(|e| ViewError::Window(e.to_string()))?;
         let window = Arc::new(window);
         // The driver starts while the file is read.
-        let path = options.scene.clone();
-        let load = std::thread::spawn(move || -> Result<(Scene, Document), ViewError> {
+        let (path, reference) = (options.scene.clone(), options.reference.clone());
+        let mut job = options.job.clone();
+        let load = std::thread::spawn(move || -> Result<_, ViewError> {
             let (scene, document) = Scene::load(&path)?;
             scene.validate()?;
-            Ok((scene, document))
+            let reference = match &reference {
+                Some(folder) => {
+                    reference::adopt(&mut job, folder, &path, &scene)?;
+                    Some(Arc::new(Reference::load(folder)?))
+                }
+                None => None,
+            };
+            Ok((scene, document, job, reference))
         });
         let gpu = Gpu::for_window(&options.gpu, &window)?;
         let size = window.inner_size();
         let mut frames = Frames::new(&gpu, &window, [size.width, size.height])?;
-        let (scene, document) = load
+        let (scene, document, job, reference) = load
             .join()
             .map_err(|_| ViewError::Ended("reading the scene's file panicked".into()))??;
         let samplers = Samplers::new(&gpu)?;
-        let nothing = super::Pages::new(&gpu)?.view();
+        let nothing = super::Pages::new(&gpu, None)?.view();
         let shown = Arc::new(Shown::new(
             &samplers,
             &Arc::new(scene.clone()),
@@ -219,13 +230,15 @@ impl Open {
         )?);
         frames.show(&shown)?;
         let files = Files::new(options.scene.clone(), options.folder.clone());
-        let viewer = Viewer::new(&shown, files, options.slice);
+        let mut viewer = Viewer::new(&shown, files, options.slice);
+        viewer.has_reference = reference.is_some();
         let setup = Setup {
             gpu: gpu.clone(),
             samplers,
             scene,
             document,
-            job: options.job.clone(),
+            job,
+            reference,
             folder: options
                 .scene
                 .parent()
@@ -274,6 +287,7 @@ impl Open {
             self.bvh = bvh;
             self.viewer.scene_changed(&self.shown);
         }
+        self.viewer.sketched(news.sketch);
         let drawn = self.frames.draw(
             &self.window,
             &mut self.viewer,

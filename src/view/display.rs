@@ -1,48 +1,23 @@
-//! A picture of the scene, pass by pass: surfaces lit by the map, the mean of their samples, tone mapping.
+//! A picture of the scene, pass by pass: surfaces lit by the map, the mean of their samples, marks, tone mapping.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::Mat4;
-use serde::{Deserialize, Serialize};
+use glam::{Mat4, Vec2, Vec4};
 
 use super::camera::Pose;
-use super::exposure::{Exposure, meter};
+use super::exposure::Exposure;
+use super::look::Look;
+use super::marker::{Marker, Marks};
+use super::metering::Metering;
 use super::shaders;
 use super::shown::Shown;
-use crate::bake::shared::{LOOK_LIGHT, LOOK_LIT, LOOK_LUX, LOOK_UNBAKED, LUX_STEP};
 use crate::gpu::{
-    Address, Blend, Buffer, Commands, DepthUse, Drawing, Edge, Format, Gpu, GraphicsOptions,
-    GraphicsPipeline, Image, ImageOptions, Memory, Result, Stage, Targets, Textures, Ticket,
-    Topology,
+    Address, Blend, Buffer, Commands, DepthTarget, DepthUse, Drawing, Edge, Format, Gpu,
+    GraphicsOptions, GraphicsPipeline, Image, ImageOptions, Memory, Result, Stage, Targets,
+    Textures, Ticket, Topology,
 };
-
-/// What a picture shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Look {
-    /// The scene in its light.
-    #[default]
-    Lit,
-    /// The scene in a light that stands in until there is a map.
-    Unbaked,
-    /// The light on grey surfaces.
-    Light,
-    /// Lux in false colours.
-    Lux,
-}
-
-impl Look {
-    fn constant(self) -> u32 {
-        match self {
-            Self::Lit => LOOK_LIT,
-            Self::Unbaked => LOOK_UNBAKED,
-            Self::Light => LOOK_LIGHT,
-            Self::Lux => LOOK_LUX,
-        }
-    }
-}
 
 /// As in `view_scene.glsl`.
 #[repr(C)]
@@ -54,6 +29,8 @@ pub(super) struct Picture {
     pub(super) lux: f32,
     pub(super) page_size: f32,
     pub(super) scale: [f32; 2],
+    pub(super) page: f32,
+    pub(super) least: f32,
 }
 
 #[repr(C)]
@@ -67,9 +44,6 @@ struct MeshPush {
     surface: u32,
 }
 
-/// Width and height of the picture that light is measured on.
-const METER: [u32; 2] = [64, 36];
-
 /// What is drawn into, for one size of pictures.
 struct Canvas {
     size: [u32; 2],
@@ -79,14 +53,6 @@ struct Canvas {
     radiance: Arc<Image>,
     /// Radiance, for tone mapping.
     read: Textures,
-}
-
-/// A measurement under way: the exposure factor that its picture has.
-struct Metering {
-    ticket: Ticket,
-    factor: f32,
-    /// Of one pixel of false colours.
-    probe: bool,
 }
 
 /// Draws pictures of a scene.
@@ -101,11 +67,9 @@ pub struct Display {
     placed: Buffer,
     surfaces: Buffer,
     nearest: f32,
-    meter: Image,
-    metered: Buffer,
-    metering: Option<Metering>,
-    probing: bool,
-    probed: Option<f32>,
+    metering: Metering,
+    marks: Option<Arc<Marks>>,
+    marker: Option<(Marker, [u32; 2], Format)>,
     /// Exposure of the next picture.
     pub exposure: Exposure,
 }
@@ -117,21 +81,56 @@ pub struct Shot {
     pub pose: Pose,
     /// What of.
     pub look: Look,
-    /// Lux at both ends of the false colours.
+    /// What both ends of the false colours stand for.
     pub scale: [f32; 2],
+    /// How a page is laid out, where one is looked at.
+    pub page: PageShot,
+}
+
+/// How a page of the lightmap is laid out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PageShot {
+    /// From 0.
+    pub page: u32,
+    /// What lies in the middle, as shares of width and height.
+    pub center: Vec2,
+    /// How much larger than what fits into the picture.
+    pub zoom: f32,
+}
+
+impl Default for PageShot {
+    fn default() -> Self {
+        Self {
+            page: 0,
+            center: Vec2::splat(0.5),
+            zoom: 1.0,
+        }
+    }
+}
+
+impl PageShot {
+    /// Pixels per texel in a picture of a size.
+    pub fn pixels_per_texel(&self, size: Vec2, page_size: f32) -> f32 {
+        0.94 * self.zoom * size.min_element() / page_size
+    }
+
+    /// Texels to clip space.
+    fn clip(&self, size: [u32; 2], page_size: f32) -> Mat4 {
+        let size = Vec2::new(size[0] as f32, size[1] as f32);
+        let scale = self.pixels_per_texel(size, page_size) * 2.0 / size;
+        let at = self.center * page_size;
+        Mat4::from_cols(
+            Vec4::X * scale.x,
+            Vec4::Y * -scale.y,
+            Vec4::ZERO,
+            Vec4::new(-at.x * scale.x, at.y * scale.y, 0.5, 1.0),
+        )
+    }
 }
 
 impl Display {
     /// Nothing to show yet.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        let small = ImageOptions {
-            size: METER,
-            layers: 1,
-            mips: false,
-            samples: 1,
-            format: Format::Rgba16F,
-        };
-        let bytes = u64::from(METER[0] * METER[1]) * Format::Rgba16F.bytes();
         Ok(Self {
             samples: gpu.samples(),
             meshes: BTreeMap::new(),
@@ -142,11 +141,9 @@ impl Display {
             placed: gpu.buffer("placed objects", 0, Memory::Device)?,
             surfaces: gpu.buffer("surfaces", 0, Memory::Device)?,
             nearest: 1e-2,
-            meter: gpu.image("meter", &small)?,
-            metered: gpu.buffer("metered", bytes, Memory::Readback)?,
-            metering: None,
-            probing: false,
-            probed: None,
+            metering: Metering::new(gpu)?,
+            marks: None,
+            marker: None,
             exposure: Exposure::default(),
             gpu: gpu.clone(),
         })
@@ -167,6 +164,11 @@ impl Display {
         Ok(())
     }
 
+    /// Lays marks over the pictures from now on, or none.
+    pub(super) fn mark(&mut self, marks: Option<Arc<Marks>>) {
+        self.marks = marks;
+    }
+
     /// World to clip space of pictures of a size.
     pub fn clip(&self, pose: &Pose, size: [u32; 2]) -> Mat4 {
         pose.clip(size[0] as f32 / size[1] as f32, self.nearest)
@@ -177,17 +179,23 @@ impl Display {
         self.fit(target.size())?;
         self.prepare(shot.look, target.format())?;
         let canvas = self.canvas.as_ref().expect("made above");
-        let clip = self.clip(&shot.pose, canvas.size);
         let shown = self.shown.clone();
         let pages = shown.as_ref().map(|s| &s.pages);
         let atlas = shown.as_ref().and_then(|s| s.atlas.as_ref());
+        let page_size = atlas.map_or(1.0, |a| a.page_size as f32);
+        let clip = match shot.look {
+            Look::Page => shot.page.clip(canvas.size, page_size),
+            _ => self.clip(&shot.pose, canvas.size),
+        };
         let picture = Picture {
             clip: clip.to_cols_array_2d(),
             eye: shot.pose.position.to_array(),
             exposure: self.exposure.factor(),
             lux: pages.map_or(1.0, |p| p.lux),
-            page_size: atlas.map_or(1.0, |a| a.page_size as f32),
+            page_size,
             scale: shot.scale,
+            page: shot.page.page as f32,
+            least: pages.map_or(1.0, |p| p.least),
         };
         cmd.barrier(Stage::All, Stage::All);
         cmd.upload(&self.picture, 0, &[picture])?;
@@ -196,20 +204,37 @@ impl Display {
             cmd.upload(&self.surfaces, 0, &shown.geometry.surfaces)?;
         }
         cmd.barrier(Stage::Transfer, Stage::Draw);
+        let marked = self.marks.as_ref().zip(self.marker.as_ref());
         let targets = Targets {
             color: canvas.samples.as_ref().unwrap_or(&canvas.radiance),
             resolve: canvas.samples.as_ref().map(|_| &*canvas.radiance),
-            depth: Some(&canvas.depth),
+            depth: Some(DepthTarget {
+                image: &canvas.depth,
+                goes_on: false,
+                kept: marked.is_some(),
+            }),
             clear: Some([0.0; 4]),
         };
         cmd.scope("view surfaces", |cmd| {
-            cmd.draw(&targets, |drawing| {
-                if let Some(shown) = &shown {
-                    self.draw_surfaces(drawing, shown, &clip, shot.look);
+            cmd.draw(&targets, |drawing| match (&shown, shot.look) {
+                (Some(shown), Look::Page) => {
+                    let pipeline = &self.meshes[&shot.look];
+                    drawing.pipeline(pipeline);
+                    if let Some(page) = &shown.materials.page {
+                        drawing.textures(pipeline, page);
+                        drawing.push(&self.picture.address());
+                        drawing.vertices(0..6);
+                    }
                 }
+                (Some(shown), look) => self.draw_surfaces(drawing, shown, &clip, look),
+                (None, _) => {}
             });
         });
         cmd.barrier(Stage::Draw, Stage::All);
+        if let Some((marks, (marker, ..))) = marked {
+            marker.record(cmd, marks, self.picture.address(), &canvas.depth);
+            cmd.barrier(Stage::Draw, Stage::All);
+        }
         let targets = Targets {
             color: target,
             resolve: None,
@@ -222,7 +247,10 @@ impl Display {
                 drawing.pipeline(tone);
                 drawing.textures(tone, &canvas.read);
                 drawing.push(&self.picture.address());
-                drawing.vertices(3);
+                drawing.vertices(0..3);
+                if let Some((_, (marker, ..))) = marked {
+                    marker.lay_over(drawing);
+                }
             });
         });
         Ok(())
@@ -258,80 +286,32 @@ impl Display {
     /// Records, after [`Display::record`], a measurement of the picture's light; what it finds comes with
     /// [`Display::take_measurement`]. Whether it did: one is under way at a time.
     pub fn measure(&mut self, cmd: &mut Commands) -> bool {
-        let Some(canvas) = self.canvas.as_ref().filter(|_| self.metering.is_none()) else {
-            return false;
-        };
-        cmd.barrier(Stage::All, Stage::Transfer);
-        cmd.scope("view meter", |cmd| {
-            cmd.scale(&canvas.radiance, &self.meter);
-            cmd.barrier(Stage::Transfer, Stage::Transfer);
-            cmd.copy_from_image(&self.meter, &self.metered, 0);
-        });
-        cmd.barrier(Stage::Transfer, Stage::Host);
-        self.probing = false;
-        true
+        let canvas = self.canvas.as_ref();
+        canvas.is_some_and(|canvas| {
+            let exposure = self.exposure.factor();
+            self.metering.measure(cmd, &canvas.radiance, exposure)
+        })
     }
 
-    /// As [`Display::measure`], of a picture in false colours: the lux at a place, given as shares of width and height.
-    pub fn probe(&mut self, cmd: &mut Commands, at: [f32; 2]) -> bool {
-        let Some(canvas) = self.canvas.as_ref().filter(|_| self.metering.is_none()) else {
-            return false;
-        };
-        let pixel = [0, 1].map(|i| {
-            let most = canvas.size[i] - 1;
-            (at[i].clamp(0.0, 1.0) * canvas.size[i] as f32).min(most as f32) as u32
-        });
-        cmd.barrier(Stage::All, Stage::Transfer);
-        cmd.copy_pixel(&canvas.radiance, pixel, &self.metered);
-        cmd.barrier(Stage::Transfer, Stage::Host);
-        self.probing = true;
-        true
+    /// As [`Display::measure`], of a picture in false colours: what a place stands for, given as shares of width and height.
+    pub fn probe(&mut self, cmd: &mut Commands, look: Look, at: [f32; 2]) -> bool {
+        let canvas = self.canvas.as_ref();
+        canvas.is_some_and(|canvas| self.metering.probe(cmd, &canvas.radiance, look, at))
     }
 
-    /// The lux that the last probe found; none where nothing is lit.
+    /// The lux, or the relative error, that the last probe found; none where nothing is.
     pub fn probed(&self) -> Option<f32> {
-        self.probed
+        self.metering.probed()
     }
 
     /// The submission that a measurement is part of.
     pub fn measured_by(&mut self, ticket: Ticket) {
-        self.metering = Some(Metering {
-            ticket,
-            factor: self.exposure.factor(),
-            probe: self.probing,
-        });
+        self.metering.submitted(ticket);
     }
 
     /// The mean luminance of the last picture that was measured, once that is done (or, with `wait`, now), cd/m².
     pub fn take_measurement(&mut self, wait: bool) -> Result<Option<f32>> {
-        let Some(metering) = &self.metering else {
-            return Ok(None);
-        };
-        if !wait && !metering.ticket.is_done()? {
-            return Ok(None);
-        }
-        metering.ticket.wait()?;
-        if metering.probe {
-            self.metering = None;
-            let pixel = self
-                .metered
-                .mapped::<u16>(0..4)
-                .into_iter()
-                .map(half::f16::from_bits);
-            let pixel: Vec<f32> = pixel.map(half::f16::to_f32).collect();
-            self.probed = (pixel[3] > 0.5).then(|| pixel[0] / pixel[3] * LUX_STEP as f32);
-            return Ok(None);
-        }
-        let halves = self
-            .metered
-            .mapped::<u16>(0..(4 * METER[0] * METER[1]) as usize);
-        let pixels: Vec<[half::f16; 4]> = halves
-            .chunks_exact(4)
-            .map(|p| [p[0], p[1], p[2], p[3]].map(half::f16::from_bits))
-            .collect();
-        let mean = meter(&pixels, metering.factor);
-        self.metering = None;
-        Ok(mean)
+        self.metering.take(wait)
     }
 
     fn fit(&mut self, size: [u32; 2]) -> Result<()> {
@@ -365,17 +345,29 @@ impl Display {
 
     fn prepare(&mut self, look: Look, format: Format) -> Result<()> {
         let constants = [look.constant()];
+        let size = self.canvas.as_ref().map_or([1; 2], |c| c.size);
+        let marked = (size, format);
+        if self.marks.is_some() && self.marker.as_ref().map(|m| (m.1, m.2)) != Some(marked) {
+            let marker = Marker::new(&self.gpu, size, self.samples, format)?;
+            self.marker = Some((marker, size, format));
+        }
         if !self.meshes.contains_key(&look) {
+            let page = look == Look::Page;
             let options = GraphicsOptions {
                 format: Format::Rgba16F,
                 samples: self.samples,
-                textures: 3,
+                textures: if page { 1 } else { 4 },
                 depth: DepthUse::Write,
                 blend: Blend::Replace,
                 topology: Topology::Triangles,
             };
-            let (vert, frag) = (shaders::VIEW_MESH_VERT, shaders::VIEW_MESH_FRAG);
-            let pipeline = self.gpu.graphics(vert, frag, &constants, &options)?;
+            let pipeline = if page {
+                let (vert, frag) = (shaders::VIEW_PAGE_VERT, shaders::VIEW_PAGE_FRAG);
+                self.gpu.graphics(vert, frag, &[], &options)?
+            } else {
+                let (vert, frag) = (shaders::VIEW_MESH_VERT, shaders::VIEW_MESH_FRAG);
+                self.gpu.graphics(vert, frag, &constants, &options)?
+            };
             self.meshes.insert(look, pipeline);
         }
         let key = (look, format == Format::Bgra8);

@@ -8,8 +8,9 @@ use egui::ViewportId;
 use winit::event::WindowEvent;
 use winit::window::Window;
 
-use super::display::{Display, Look, Shot};
+use super::display::{Display, Shot};
 use super::headless::write_png;
+use super::look::Look;
 use super::painter::Painter;
 use super::shown::Shown;
 use super::state::Viewer;
@@ -135,16 +136,19 @@ impl Frames {
         let shot = Shot {
             pose: viewer.pose,
             look: viewer.look_of(shown, status),
-            scale: viewer.scale.unwrap_or_else(|| shown.scale()),
+            scale: viewer.scale_of(viewer.look, shown),
+            page: viewer.page,
         };
+        let marks = viewer.sketch.as_ref().map(|s| Arc::clone(&s.marks));
+        self.display.mark(marks);
         self.display.exposure = viewer.exposure;
         let mut cmd = self.gpu.commands()?;
         self.swapchain.begin(&mut cmd, &frame);
         let target = self.swapchain.image(&frame);
         self.display.record(&mut cmd, target, &shot)?;
         let measures = match (shot.look, outcome.probe) {
-            (Look::Lit | Look::Light, _) => self.display.measure(&mut cmd),
-            (Look::Lux, Some(at)) => self.display.probe(&mut cmd, at),
+            (look, _) if look.is_metered() => self.display.measure(&mut cmd),
+            (look @ (Look::Lux | Look::Error), Some(at)) => self.display.probe(&mut cmd, look, at),
             _ => false,
         };
         let textures = std::mem::take(&mut self.textures);

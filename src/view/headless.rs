@@ -6,10 +6,16 @@ use std::time::Duration;
 
 use super::ViewError;
 use super::camera::{FOV_Y, Pose};
-use super::display::{Display, Look, Shot};
+use super::caption::Caption;
+use super::display::{Display, PageShot, Shot};
+use super::legend::Legend;
+use super::look::{Look, Overlay};
+use super::overlays::{Overlays, Sketch};
+use super::reference::Reference;
 use super::resolve::Pages;
 use super::script::{Line, View};
 use super::shown::Shown;
+use super::state::ERROR_SCALE;
 use super::textures::Samplers;
 use crate::bake::{Baker, Limit};
 use crate::gpu::{Format, Gpu, Image, ImageOptions};
@@ -17,7 +23,7 @@ use crate::lightmap::viewpoint;
 use crate::scene::edit::{Command, Until};
 
 /// What headless pictures are to be.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct HeadlessOptions {
     /// Width and height, pixels.
     pub size: [u32; 2],
@@ -25,6 +31,8 @@ pub struct HeadlessOptions {
     pub frame: Duration,
     /// Where `frame_00000.png` and so on go.
     pub folder: PathBuf,
+    /// What the light is held against.
+    pub reference: Option<Arc<Reference>>,
 }
 
 /// Seconds between two pictures of a film: exposure follows the light at that pace.
@@ -37,8 +45,10 @@ pub struct Headless<'a> {
     samplers: Samplers,
     shown: Option<Arc<Shown>>,
     display: Display,
+    caption: Caption,
     target: Image,
     shot: Shot,
+    overlays: Overlays,
     options: HeadlessOptions,
     /// The map has been worked on since the pages were brought up to date.
     stale: bool,
@@ -62,7 +72,10 @@ impl<'a> Headless<'a> {
             path: options.folder.clone(),
             cause,
         })?;
-        let pages = Pages::new(gpu)?;
+        if let Some(reference) = &options.reference {
+            reference.check(baker.page_layout())?;
+        }
+        let pages = Pages::new(gpu, options.reference.clone())?;
         let display = Display::new(gpu)?;
         let target = gpu.image(
             "frame",
@@ -81,7 +94,10 @@ impl<'a> Headless<'a> {
                 pose,
                 look: Look::Lit,
                 scale: pages.view().scale(),
+                page: PageShot::default(),
             },
+            caption: Caption::new(gpu, target.format())?,
+            overlays: Overlays::default(),
             pages,
             samplers: Samplers::new(gpu)?,
             shown: None,
@@ -165,10 +181,29 @@ impl<'a> Headless<'a> {
                     self.advance(*updates)?;
                 }
             }
-            View::Look { look, scale } => {
+            View::Look {
+                look,
+                scale,
+                page,
+                center,
+                zoom,
+            } => {
+                if *look == Look::Error && self.options.reference.is_none() {
+                    return Err(ViewError::NoReference);
+                }
+                let [_, pages] = self.baker.page_layout();
+                if *page >= pages {
+                    return Err(ViewError::NoPage { page: *page, pages });
+                }
                 self.shot.look = *look;
+                self.shot.page = PageShot {
+                    page: *page,
+                    center: (*center).into(),
+                    zoom: *zoom,
+                };
                 self.scale = *scale;
             }
+            View::Overlay { show } => self.overlays.shown = show.clone(),
             View::Exposure { ev, compensation } => {
                 self.display.exposure.ev = *ev;
                 self.display.exposure.compensation = *compensation;
@@ -240,11 +275,30 @@ impl<'a> Headless<'a> {
             self.display.show(&shown)?;
             self.shown = Some(shown);
         }
+        let wanted = match self.shot.look {
+            Look::Page => Overlays {
+                shown: [Overlay::Charts].into(),
+                page: self.shot.page.page,
+            },
+            _ => self.overlays.clone(),
+        };
+        let sketch = Sketch::new(self.baker, &wanted)?;
+        self.display
+            .mark(sketch.as_ref().map(|s| Arc::clone(&s.marks)));
         if !self.display.exposure.is_set() {
             // The first picture is taken twice: the first time to see how bright it is.
-            self.take(FILM_STEP)?;
+            let look = self.shot.look;
+            self.shot.look = if look.is_metered() { look } else { Look::Lit };
+            self.take(FILM_STEP, &[])?;
+            self.shot.look = look;
         }
-        self.take(FILM_STEP)?;
+        let scales = sketch.iter().flat_map(|s| s.scales.iter());
+        let look = Legend::of_look(self.shot.look, self.scale(), None);
+        let legends: Vec<Legend> = look
+            .into_iter()
+            .chain(scales.map(Legend::of_overlay))
+            .collect();
+        self.take(FILM_STEP, &legends)?;
         let pixels = self.target.read::<u8>()?;
         let path = self
             .options
@@ -255,11 +309,21 @@ impl<'a> Headless<'a> {
         Ok(())
     }
 
-    fn take(&mut self, seconds: f32) -> Result<(), ViewError> {
+    fn scale(&self) -> [f32; 2] {
+        self.scale.unwrap_or_else(|| match self.shot.look {
+            Look::Error => ERROR_SCALE,
+            _ => self.pages.view().scale(),
+        })
+    }
+
+    fn take(&mut self, seconds: f32, legends: &[Legend]) -> Result<(), ViewError> {
         let mut cmd = self.baker.gpu().commands()?;
-        self.shot.scale = self.scale.unwrap_or(self.pages.view().scale());
+        self.shot.scale = self.scale();
         self.display.record(&mut cmd, &self.target, &self.shot)?;
         let measured = self.shot.look == Look::Lit && self.display.measure(&mut cmd);
+        if !legends.is_empty() {
+            self.caption.record(&mut cmd, &self.target, legends)?;
+        }
         cmd.barrier(crate::gpu::Stage::All, crate::gpu::Stage::All);
         let ticket = cmd.submit()?;
         if measured {

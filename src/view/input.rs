@@ -4,7 +4,7 @@ use egui::{Key, Modifiers, PointerButton};
 use glam::Vec2;
 
 use super::camera::Motion;
-use super::display::Look;
+use super::look::{Look, Overlay};
 use super::place::Handle;
 
 /// Radians that a point of mouse movement turns the head.
@@ -49,8 +49,10 @@ pub enum Action {
     Screenshot,
     /// Bake from nothing; with `true`, compare with what is there.
     StartOver(bool),
-    /// Show this.
+    /// Show this, or the lit scene again.
     Look(Look),
+    /// Lay this over the picture, or take it away.
+    Overlay(Overlay),
     /// Show the next thing.
     NextLook,
     /// What dragging does.
@@ -124,7 +126,25 @@ pub fn bindings() -> Vec<Binding> {
         key(
             Key::L,
             Action::NextLook,
-            "lit, light on grey, lux in false colours",
+            "lit, light on grey, lux, texels, page, error",
+        ),
+        key(Key::M, Action::Look(Look::Page), "a page of the lightmap"),
+        key(Key::K, Action::Look(Look::Texels), "the lightmap's texels"),
+        key(Key::V, Action::Overlay(Overlay::Lights), "virtual lights"),
+        key(
+            Key::C,
+            Action::Overlay(Overlay::Cells),
+            "the octree's cells",
+        ),
+        key(
+            Key::B,
+            Action::Overlay(Overlay::Vpls),
+            "virtual point lights",
+        ),
+        key(
+            Key::I,
+            Action::Overlay(Overlay::Invalid),
+            "invalid flux by cell",
         ),
         key(Key::P, Action::Pause, "pause the bake, or go on"),
         key(Key::N, Action::Step, "one update"),
@@ -147,7 +167,7 @@ pub const MOVES: [(&str, &str); 6] = [
     ),
     ("Shift + middle drag", "shift the picture"),
     ("wheel", "nearer, farther"),
-    ("1 ... 9", "cameras of the file"),
+    ("1 ... 9", "cameras of the file; pages of the lightmap"),
 ];
 
 /// What the keys that were pressed ask for. None while something is being typed.

@@ -2,6 +2,7 @@
 
 mod app;
 pub mod camera;
+mod caption;
 mod display;
 mod exposure;
 mod frames;
@@ -9,10 +10,17 @@ mod geometry;
 mod gizmo;
 mod headless;
 pub mod input;
+mod legend;
+mod look;
+mod marker;
+mod metering;
+mod overlays;
+mod paging;
 mod painter;
 mod panels;
 mod pick;
 mod place;
+pub mod reference;
 mod resolve;
 pub mod script;
 mod session;
@@ -26,10 +34,13 @@ mod worker;
 use std::path::PathBuf;
 
 pub use app::{WindowOptions, run_window};
-pub use display::{Display, Look, Shot};
+pub use display::{Display, PageShot, Shot};
 pub use exposure::{Exposure, meter};
 pub use headless::{Headless, HeadlessOptions};
+pub use look::{Look, Overlay};
+pub use overlays::{Overlays, Sketch};
 pub use place::{Handle, Place};
+pub use reference::Reference;
 pub use resolve::{Pages, PagesView};
 pub use shown::Shown;
 pub use state::{Files, Outcome, Viewer};
@@ -68,6 +79,41 @@ pub enum ViewError {
         #[source]
         cause: Box<ViewError>,
     },
+    /// A reference that cannot be read.
+    #[error(transparent)]
+    Compare(#[from] crate::lightmap::compare::CompareError),
+    /// A reference for other texels.
+    #[error(
+        "the reference {} has other pages ({is}) than this bake ({should}): open the scene.glb beside the reference's pages",
+        path.display()
+    )]
+    Reference {
+        /// The reference.
+        path: PathBuf,
+        /// Its pages.
+        is: String,
+        /// Those of the bake.
+        should: String,
+    },
+    /// A reference's bake.json.
+    #[error("{} is not a bake.json that this version wrote: {why}", path.display())]
+    Recorded {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
+    /// A page that there is none of.
+    #[error("there is no page {page}: there are {pages}, counted from 0")]
+    NoPage {
+        /// As asked for.
+        page: u32,
+        /// How many there are.
+        pages: u32,
+    },
+    /// A picture of the error without a reference.
+    #[error("there is nothing to compare with: give --reference DIR")]
+    NoReference,
     /// A camera that a script names.
     #[error("there is no camera \"{name}\" in the file; {}", match there.as_slice() {
         [] => "it has none: give a \"position\" and a \"target\"".to_owned(),

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::reference::Reference;
 use super::shaders;
 use crate::bake::Baker;
 use crate::gpu::{
@@ -21,6 +22,9 @@ pub struct Pages {
     image: Arc<Image>,
     /// Lux per unit of the image: about the mean, so that halves resolve what is dark and hold what is bright.
     lux: f32,
+    reference: Option<Arc<Reference>>,
+    /// The reference in the same units.
+    compared: Option<Arc<Image>>,
 }
 
 /// What the display needs to know of the pages.
@@ -28,6 +32,9 @@ pub struct Pages {
 pub struct PagesView {
     pub(super) image: Arc<Image>,
     pub(super) lux: f32,
+    pub(super) reference: Option<Arc<Image>>,
+    /// Errors are relative to no less than this, units of the image.
+    pub(super) least: f32,
 }
 
 impl PagesView {
@@ -51,14 +58,16 @@ struct Push {
 const STRIDE: u32 = 1 << 15;
 
 impl Pages {
-    /// Nothing yet.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    /// Nothing yet. What they are held against has as many texels as what they are brought up to date with.
+    pub fn new(gpu: &Gpu, reference: Option<Arc<Reference>>) -> Result<Self> {
         Ok(Self {
             gpu: gpu.clone(),
             pipeline: gpu.pipeline(shaders::VIEW_PAGES, &[])?,
             staging: None,
             image: Arc::new(image(gpu, 1, 1)?),
             lux: 1.0,
+            reference,
+            compared: None,
         })
     }
 
@@ -67,6 +76,11 @@ impl Pages {
         PagesView {
             image: Arc::clone(&self.image),
             lux: self.lux,
+            reference: self.compared.clone(),
+            least: self
+                .reference
+                .as_ref()
+                .map_or(1.0, |r| (r.least() / f64::from(self.lux)).max(1e-30) as f32),
         }
     }
 
@@ -104,19 +118,21 @@ impl Pages {
     /// Shows a finished map, seams matched and gutters filled: just what is written.
     pub fn show(&mut self, baker: &Baker, map: &Lightmap) -> Result<()> {
         self.fit(baker)?;
+        let pages = map.pages.iter().map(|page| &page[..]);
+        self.fill(&self.image, pages)
+    }
+
+    /// Puts lux into the pages of an image.
+    fn fill<'a>(&self, image: &Image, pages: impl Iterator<Item = &'a [[f32; 3]]>) -> Result<()> {
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
-        let size = [map.page_size; 2];
-        for (layer, page) in (0..).zip(&map.pages) {
-            let pixels: Vec<[half::f16; 4]> = page
+        for (layer, page) in (0..).zip(pages) {
+            let half = |v: f32| half::f16::from_f32((v / self.lux).min(65000.0)).to_bits();
+            let halves: Vec<[u16; 4]> = page
                 .iter()
-                .map(|e| {
-                    let half = |v: f32| half::f16::from_f32((v / self.lux).min(65000.0));
-                    [half(e[0]), half(e[1]), half(e[2]), half::f16::ONE]
-                })
+                .map(|e| [half(e[0]), half(e[1]), half(e[2]), half::f16::ONE.to_bits()])
                 .collect();
-            let bytes: Vec<u16> = pixels.as_flattened().iter().map(|h| h.to_bits()).collect();
-            cmd.upload_image(&self.image, layer, [0, 0], size, &bytes)?;
+            cmd.upload_image(image, layer, [0, 0], image.size(), &halves)?;
         }
         cmd.barrier(Stage::Transfer, Stage::All);
         let _in_order = cmd.submit()?;
@@ -138,6 +154,14 @@ impl Pages {
         let _in_order = cmd.submit()?;
         self.image = Arc::new(image);
         self.staging = Some(staging);
+        if let Some(reference) = &self.reference {
+            let image = self::image(&self.gpu, size, pages)?;
+            // Pages that later additions need have nothing to be held against.
+            let empty = vec![[0.0; 3]; size as usize * size as usize];
+            let page = |k: u32| reference.pages().get(k as usize).map(|p| &p.texels[..]);
+            self.fill(&image, (0..pages).map(|k| page(k).unwrap_or(&empty)))?;
+            self.compared = Some(Arc::new(image));
+        }
         Ok(())
     }
 }

@@ -5,12 +5,16 @@
 //! {"do": "camera", "name": "front"}
 //! {"do": "frame", "count": 30, "updates": 4}
 //! {"do": "look", "look": "lux", "scale": [1, 1000]}
+//! {"do": "look", "look": "page", "page": 0, "center": [0.5, 0.5], "zoom": 2}
+//! {"do": "overlay", "show": ["lights", "cells"]}
 //! {"do": "exposure", "ev": 5}
 //! ```
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
-use super::display::Look;
+use super::look::{Look, Overlay};
 use crate::scene::edit::{Command, EditError};
 
 /// A line.
@@ -55,11 +59,26 @@ pub enum View {
     },
     /// Chooses what is shown.
     Look {
-        /// The lit scene, its light on grey, or lux in false colours.
+        /// The lit scene, its light on grey, its texels, lux or error in false colours, a page of the lightmap.
         look: Look,
-        /// Lux at both ends of the false colours; else fitted to the scene.
+        /// Lux, or relative errors, at both ends of the false colours; else fitted to the scene.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scale: Option<[f32; 2]>,
+        /// Which page, from 0.
+        #[serde(default)]
+        page: u32,
+        /// What of the page lies in the middle of the picture, as shares of width and height.
+        #[serde(default = "middle")]
+        center: [f32; 2],
+        /// How much larger than what fits into the picture the page is shown.
+        #[serde(default = "whole")]
+        zoom: f32,
+    },
+    /// Lays something over the pictures from now on.
+    Overlay {
+        /// All of it; nothing: none.
+        #[serde(default)]
+        show: BTreeSet<Overlay>,
     },
     /// Sets the exposure.
     Exposure {
@@ -76,7 +95,15 @@ fn one() -> u32 {
     1
 }
 
-const WORDS: [&str; 4] = ["camera", "frame", "look", "exposure"];
+fn middle() -> [f32; 2] {
+    [0.5; 2]
+}
+
+fn whole() -> f32 {
+    1.0
+}
+
+const WORDS: [&str; 5] = ["camera", "frame", "look", "overlay", "exposure"];
 
 impl Line {
     /// Reads one line.
@@ -151,7 +178,16 @@ impl View {
                 scale: Some([low, high]),
                 ..
             } if !(0.0 < *low && low < high && high.is_finite()) => {
-                Some("\"scale\" must be two numbers of lux above 0, the smaller one first")
+                Some("\"scale\" must be two numbers above 0, the smaller one first")
+            }
+            Self::Look { zoom, .. } if !(0.1..=1000.0).contains(zoom) => {
+                Some("\"zoom\" must be between 0.1 and 1000")
+            }
+            Self::Look { center, .. } if !center.iter().all(|c| (0.0..=1.0).contains(c)) => {
+                Some("\"center\" must be two shares between 0 and 1")
+            }
+            Self::Overlay { show } if show.contains(&Overlay::Charts) => {
+                Some("charts are shown with {\"do\": \"look\", \"look\": \"page\"}")
             }
             Self::Exposure { ev: Some(ev), .. } if !(-20.0..=30.0).contains(ev) => {
                 Some("\"ev\" must be between -20 and 30")
@@ -202,6 +238,15 @@ mod tests {
             (
                 r#"{"do":"look","look":"lux","scale":[5,5]}"#,
                 "the smaller one first",
+            ),
+            (
+                r#"{"do":"look","look":"page","zoom":0}"#,
+                "between 0.1 and 1000",
+            ),
+            (r#"{"do":"overlay","show":["mist"]}"#, "unknown variant"),
+            (
+                r#"{"do":"overlay","show":["charts"]}"#,
+                "\"look\": \"page\"",
             ),
             (r#"{"do":"exposure","ev":99}"#, "between -20 and 30"),
             (r#"{"do":"fly"}"#, "wait, or, in the viewer, camera, frame"),

@@ -1,15 +1,18 @@
 //! The bake's side of its thread: answers requests, does slices of updates, and keeps what is shown up to date.
 
-use std::path::{Path, PathBuf};
+mod rest;
+
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
+use super::overlays::{Overlays, Sketch};
 use super::resolve::Pages;
 use super::shown::Shown;
 use super::worker::{Request, Setup, Shared, Status};
 use super::{Note, ViewError};
-use crate::bake::{BakeError, Baker, Limit, Progress, output};
+use crate::bake::{BakeError, Baker, Limit, Progress};
 use crate::gpu::GpuError;
 use crate::lightmap::Lightmap;
 use crate::scene::Scene;
@@ -84,6 +87,9 @@ struct Session<'a> {
     update_cost: Duration,
     log: Vec<Command>,
     dragging: bool,
+    overlays: Overlays,
+    /// When the overlays were drawn last, and how long it took.
+    sketched: (Instant, Duration),
     save: Option<PathBuf>,
     compare: Option<Lightmap>,
     status: Status,
@@ -98,7 +104,10 @@ impl<'a> Session<'a> {
         inbox: &'a Receiver<Request>,
         shared: &'a Shared,
     ) -> Result<Self, ViewError> {
-        let mut pages = Pages::new(&setup.gpu)?;
+        if let Some(reference) = &setup.reference {
+            reference.check(baker.page_layout())?;
+        }
+        let mut pages = Pages::new(&setup.gpu, setup.reference.clone())?;
         pages.update(&baker)?;
         let now = Instant::now();
         let mut session = Self {
@@ -119,12 +128,15 @@ impl<'a> Session<'a> {
             update_cost: Duration::ZERO,
             log: Vec::new(),
             dragging: false,
+            overlays: shared.state().overlays.clone(),
+            sketched: (now, Duration::ZERO),
             save: None,
             compare: None,
             status: Status::default(),
             rated: (now, 0),
         };
         session.show()?;
+        session.sketch()?;
         Ok(session)
     }
 
@@ -192,22 +204,12 @@ impl<'a> Session<'a> {
                 self.marked();
             }
             Request::Slice(slice) => self.slice = slice,
-            Request::SaveBake(folder) => {
-                self.save = Some(folder);
-                if !self.baker.is_converged() {
-                    self.tell(Note::said("the bake is saved as soon as it has converged"));
-                }
+            Request::SaveBake(_) | Request::SaveHistory(_) | Request::SaveScene(_) => {
+                self.save(request);
             }
-            Request::SaveHistory(path) => {
-                let lines: Result<Vec<String>, _> = self.log.iter().map(Command::to_line).collect();
-                let written = lines
-                    .map_err(std::io::Error::from)
-                    .and_then(|lines| std::fs::write(&path, lines.join("\n") + "\n"));
-                self.tell_saved(&path, written.map_err(|e| e.to_string()));
-            }
-            Request::SaveScene(path) => {
-                let written = self.baker.document().write(&path);
-                self.tell_saved(&path, written.map_err(|e| e.to_string()));
+            Request::Overlays(overlays) => {
+                self.overlays = overlays;
+                self.sketch()?;
             }
             // The window's state says so already; these end `work`.
             Request::Live(_) | Request::Close | Request::Reload(_) | Request::Drag(..) => {}
@@ -263,7 +265,18 @@ impl<'a> Session<'a> {
     fn changed(&mut self) -> Result<(), ViewError> {
         self.marked();
         self.stale = true;
-        self.show()
+        self.show()?;
+        self.sketch()
+    }
+
+    /// Draws the overlays as they are now.
+    fn sketch(&mut self) -> Result<(), ViewError> {
+        let start = Instant::now();
+        let sketch = Sketch::new(&self.baker, &self.overlays)?;
+        self.shared.state().sketch = sketch;
+        self.sketched = (Instant::now(), start.elapsed());
+        (self.shared.wake)();
+        Ok(())
     }
 
     fn marked(&mut self) {
@@ -316,6 +329,11 @@ impl<'a> Session<'a> {
         if self.updated.elapsed() > (self.update_cost * SHOWING).max(Duration::from_millis(30)) {
             self.refresh()?;
         }
+        let (sketched, cost) = self.sketched;
+        let pause = (cost * SHOWING).max(Duration::from_millis(100));
+        if self.overlays.follow_updates() && sketched.elapsed() > pause {
+            self.sketch()?;
+        }
         self.publish();
         Ok(())
     }
@@ -364,32 +382,6 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Nothing to do: what is shown becomes what would be written, and what waited for that is done.
-    fn rest(&mut self) -> Result<(), ViewError> {
-        if self.baker.is_converged() {
-            if std::mem::take(&mut self.stale) || self.save.is_some() || self.compare.is_some() {
-                let map = self.baker.lightmap()?;
-                self.pages.show(&self.baker, &map)?;
-                if let Some(other) = self.compare.take() {
-                    self.tell(compared(&other, &map));
-                }
-                if let Some(folder) = self.save.take() {
-                    let report = self.baker.report();
-                    let written = output::write(&folder, &self.baker, &map, &report, Vec::new());
-                    self.tell_saved(&folder, written.map(drop).map_err(|e| e.to_string()));
-                }
-                let report = self.baker.report();
-                self.status.texels = report.counts.texels;
-                self.status.lights = report.counts.virtual_lights.values().sum();
-            }
-        } else if self.stale {
-            self.refresh()?;
-        }
-        self.status.rate = 0.0;
-        self.publish();
-        Ok(())
-    }
-
     fn publish(&mut self) {
         self.status.paused = self.paused;
         self.status.converged = self.baker.is_converged() && !self.stale;
@@ -399,30 +391,5 @@ impl<'a> Session<'a> {
 
     fn tell(&self, what: Note) {
         note(self.shared, what);
-    }
-
-    fn tell_saved(&self, path: &Path, written: Result<(), String>) {
-        self.tell(match written {
-            Ok(()) => Note::said(format!("saved {}", path.display())),
-            Err(error) => Note::failed(format!("not saved: {error}")),
-        });
-    }
-}
-
-/// What a comparison of two maps comes to.
-fn compared(a: &Lightmap, b: &Lightmap) -> Note {
-    let bits = |map: &Lightmap| -> Vec<[u32; 3]> {
-        let texels = map.pages.iter().flatten();
-        texels.map(|t| t.map(f32::to_bits)).collect()
-    };
-    let (a, b) = (bits(a), bits(b));
-    let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len());
-    if differ == 0 {
-        Note::said("baked again from nothing: the same map, bit for bit")
-    } else {
-        Note::failed(format!(
-            "baked again from nothing: {differ} of {} texels differ",
-            b.len()
-        ))
     }
 }

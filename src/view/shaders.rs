@@ -10,6 +10,7 @@ mod tests {
 
     use super::super::display::Picture;
     use super::super::geometry::{Placed, Surface, Vertex};
+    use super::super::marker::{Corner, Stroke};
 
     #[test]
     fn structures_lie_in_memory_as_the_shaders_have_them() {
@@ -21,7 +22,9 @@ mod tests {
             };
         }
         check!("Picture", Picture, clip as "clip", eye as "eye", exposure as "exposure", lux as "lux",
-            page_size as "page_size", scale as "scale");
+            page_size as "page_size", scale as "scale", page as "page", least as "least");
+        check!("Stroke", Stroke, from as "from", to as "to", color as "color", width as "width");
+        check!("Corner", Corner, position as "position", color as "color");
         check!("Vertex", Vertex, position as "position", normal as "normal", color_uv as "color_uv",
             emission_uv as "emission_uv", light_uv as "light_uv");
         check!("Surface", Surface, color as "color", alpha as "alpha", emission as "emission", cutoff as "cutoff");

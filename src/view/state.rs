@@ -1,5 +1,6 @@
 //! What the person at the window has chosen, and what each frame of input makes of it: no window and no device is needed.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,10 +9,12 @@ use egui::{Rect, Sense};
 use glam::Mat4;
 
 use super::camera::Pose;
-use super::display::Look;
+use super::display::PageShot;
 use super::exposure::Exposure;
 use super::gizmo::Manipulator;
 use super::input::{self, Action};
+use super::look::{Look, Overlay};
+use super::overlays::{Overlays, Sketch};
 use super::pick;
 use super::place::{Handle, Place};
 use super::shown::Shown;
@@ -22,6 +25,8 @@ use crate::transport::SceneBvh;
 
 /// Share of the invalid flux below which the map is worth more than the light that stands in for it.
 const WORTH_SHOWING: f64 = 0.8;
+/// Relative errors at both ends of the false colours.
+pub(super) const ERROR_SCALE: [f32; 2] = [0.002, 1.0];
 /// Seconds that a note is shown.
 const NOTE: f64 = 6.0;
 
@@ -35,6 +40,14 @@ pub struct Viewer {
     pub look: Look,
     /// Lux at both ends of the false colours; none: what suits the scene.
     pub scale: Option<[f32; 2]>,
+    /// Relative errors at both ends of the false colours.
+    pub error_scale: [f32; 2],
+    /// Laid over the picture of the scene.
+    pub overlays: BTreeSet<Overlay>,
+    /// How a page of the lightmap is looked at.
+    pub page: PageShot,
+    /// There is something to hold the light against.
+    pub has_reference: bool,
     /// Exposure; the display measures.
     pub exposure: Exposure,
     /// The node that is selected.
@@ -53,7 +66,7 @@ pub struct Viewer {
     pub panels: bool,
     /// Milliseconds of updates per frame.
     pub slice: f32,
-    /// Lux under the cursor, where false colours are shown.
+    /// What is under the cursor, where false colours are shown: lux, or a relative error.
     pub probe: Option<f32>,
     /// Milliseconds of the last frames.
     pub frame_ms: Vec<f32>,
@@ -68,6 +81,10 @@ pub struct Viewer {
     requests: Vec<Request>,
     /// Of the selection, until the bake has taken the edit in.
     pub(super) place: Option<(u32, Place)>,
+    /// What the bake was asked to lay over the picture.
+    asked: Overlays,
+    /// What is laid over the picture in this frame, and its scales.
+    pub(super) sketch: Option<Arc<Sketch>>,
     objects: usize,
     select_new: bool,
     /// Where the picture is on the screen, points.
@@ -132,6 +149,10 @@ impl Viewer {
             speed: 0.15 * size,
             look: Look::Lit,
             scale: None,
+            error_scale: ERROR_SCALE,
+            overlays: BTreeSet::new(),
+            page: PageShot::default(),
+            has_reference: false,
             exposure: Exposure::default(),
             selection: None,
             handle: Handle::Move,
@@ -150,6 +171,8 @@ impl Viewer {
             notes: Vec::new(),
             requests: Vec::new(),
             place: None,
+            asked: Overlays::default(),
+            sketch: None,
             objects: shown.scene.objects.len(),
             select_new: false,
             screen: Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(1.0, 1.0)),
@@ -165,6 +188,36 @@ impl Viewer {
             Some(_) if worth => self.look,
             _ => Look::Unbaked,
         }
+    }
+
+    /// What both ends of the false colours stand for.
+    pub fn scale_of(&self, look: Look, shown: &Shown) -> [f32; 2] {
+        match look {
+            Look::Error => self.error_scale,
+            _ => self.scale.unwrap_or_else(|| shown.scale()),
+        }
+    }
+
+    /// What is to lie over the picture.
+    fn wanted(&self) -> Overlays {
+        match self.look {
+            Look::Page => Overlays {
+                shown: [Overlay::Charts].into(),
+                page: self.page.page,
+            },
+            _ => Overlays {
+                shown: self.overlays.clone(),
+                page: 0,
+            },
+        }
+    }
+
+    /// Takes in what there is to lie over the picture.
+    pub(super) fn sketched(&mut self, sketch: Option<Arc<Sketch>>) {
+        // What belongs to a page lies nowhere in the scene, and the other way round.
+        let wanted = self.wanted();
+        let fits = |of: &Overlays| of.page == wanted.page && of.shown.is_subset(&wanted.shown);
+        self.sketch = sketch.filter(|s| fits(&s.of));
     }
 
     /// Another version of the scene is shown.
@@ -229,6 +282,10 @@ impl Viewer {
                     ui.id().with("picture"),
                     Sense::click_and_drag(),
                 );
+                if self.look == Look::Page {
+                    live |= super::paging::page(self, ui, &area, shown);
+                    return;
+                }
                 panels::marks(self, ui, shown, &clip);
                 let busy = self.manipulate(ui, shown);
                 live |= busy;
@@ -236,7 +293,7 @@ impl Viewer {
                     self.click(&area, shown, bvh, &clip);
                 }
                 live |= !busy && self.navigate(ctx, &area);
-                if let (Some(at), Look::Lux) = (area.hover_pos(), self.look) {
+                if let (Some(at), Some(_)) = (area.hover_pos(), self.look.unit()) {
                     let share = (at - self.screen.min) / self.screen.size();
                     probe = Some([share.x, share.y]);
                 }
@@ -249,6 +306,11 @@ impl Viewer {
                 Action::Screenshot => screenshot = true,
                 action => self.act(action, shown, status),
             }
+        }
+        let wanted = self.wanted();
+        if self.asked != wanted {
+            self.ask(Request::Overlays(wanted.clone()));
+            self.asked = wanted;
         }
         Outcome {
             output,
@@ -324,6 +386,10 @@ impl Viewer {
                 self.pose
                     .focus(&bounds.unwrap_or_else(|| shown.bounds()), aspect);
             }
+            Action::Camera(number) if self.look == Look::Page => {
+                let pages = shown.atlas.as_ref().map_or(1, |a| a.pages);
+                self.page.page = (number as u32).min(pages.max(1) - 1);
+            }
             Action::Camera(number) => {
                 if let Some(camera) = shown.scene.cameras.get(number) {
                     self.pose = Pose::of(camera, self.pose.distance);
@@ -364,12 +430,15 @@ impl Viewer {
             Action::SaveHistory => self.ask(Request::SaveHistory(self.files.history.clone())),
             Action::SaveScene => self.ask(Request::SaveScene(self.files.edited.clone())),
             Action::StartOver(compare) => self.ask(Request::StartOver(compare)),
-            Action::Look(look) => self.look = look,
+            Action::Look(look) => self.look = if self.look == look { Look::Lit } else { look },
             Action::NextLook => {
-                self.look = match self.look {
-                    Look::Lit => Look::Light,
-                    Look::Light => Look::Lux,
-                    Look::Lux | Look::Unbaked => Look::Lit,
+                let at = Look::ALL.iter().position(|l| *l == self.look);
+                let count = Look::ALL.len() - usize::from(!self.has_reference);
+                self.look = Look::ALL[at.map_or(0, |at| (at + 1) % count)];
+            }
+            Action::Overlay(overlay) => {
+                if !self.overlays.remove(&overlay) {
+                    self.overlays.insert(overlay);
                 }
             }
             Action::Handle(handle) => self.handle = handle,

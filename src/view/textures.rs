@@ -21,6 +21,8 @@ pub(super) struct Materials {
     images: BTreeMap<usize, (Arc<Texture>, Arc<Image>)>,
     /// By material.
     pub sets: Vec<Textures>,
+    /// For a look at a page of the lightmap.
+    pub page: Option<Textures>,
 }
 
 impl Samplers {
@@ -68,10 +70,11 @@ impl Materials {
             };
             new.images.insert(key, image);
         }
-        let light = (
-            Arc::clone(&pages.image),
-            Arc::clone(&samplers.samplers[&[Edge::Clamp; 2]]),
-        );
+        let clamp = &samplers.samplers[&[Edge::Clamp; 2]];
+        let light = (Arc::clone(&pages.image), Arc::clone(clamp));
+        let reference = pages.reference.as_ref().unwrap_or(&samplers.white);
+        let reference = (Arc::clone(reference), Arc::clone(clamp));
+        new.page = Some(gpu.textures(std::slice::from_ref(&light))?);
         new.sets = scene
             .materials
             .iter()
@@ -80,6 +83,7 @@ impl Materials {
                     new.look_up(samplers, scene, &m.base_color_texture),
                     new.look_up(samplers, scene, &m.emission_texture),
                     light.clone(),
+                    reference.clone(),
                 ])
             })
             .collect::<Result<_>>()?;

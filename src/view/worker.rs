@@ -10,6 +10,8 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use super::overlays::{Overlays, Sketch};
+use super::reference::Reference;
 use super::shown::Shown;
 use super::textures::Samplers;
 use super::{Note, session};
@@ -36,6 +38,8 @@ pub enum Request {
     Slice(Duration),
     /// Whether frames are drawn all the time.
     Live(bool),
+    /// Lay this over the picture.
+    Overlays(Overlays),
     /// Write the bake's folder, when it has converged.
     SaveBake(PathBuf),
     /// Write all commands as a script.
@@ -81,6 +85,9 @@ pub(super) struct State {
     pub(super) status: Status,
     pub(super) shown: Option<(Arc<Shown>, Option<SceneBvh>)>,
     pub(super) notes: Vec<Note>,
+    pub(super) sketch: Option<Arc<Sketch>>,
+    /// Asked for; kept over a reload of the scene's file.
+    pub(super) overlays: Overlays,
     /// Frames drawn.
     pub(super) frames: u64,
     pub(super) live: bool,
@@ -114,6 +121,8 @@ pub struct News {
     pub shown: Option<(Arc<Shown>, Option<SceneBvh>)>,
     /// What the person should read.
     pub notes: Vec<Note>,
+    /// What lies over the picture at this moment.
+    pub sketch: Option<Arc<Sketch>>,
 }
 
 /// What the bake begins with.
@@ -132,6 +141,8 @@ pub struct Setup {
     pub folder: PathBuf,
     /// Time for updates per frame.
     pub slice: Duration,
+    /// What the light is held against.
+    pub reference: Option<Arc<Reference>>,
 }
 
 impl Worker {
@@ -172,6 +183,9 @@ impl Worker {
             self.shared.state().live = live;
             self.shared.drawn.notify_all();
         }
+        if let Request::Overlays(overlays) = &request {
+            self.shared.state().overlays = overlays.clone();
+        }
         if self.requests.send(request).is_err() {
             tracing::debug!("the bake has ended");
         }
@@ -184,6 +198,7 @@ impl Worker {
             status: state.status.clone(),
             shown: state.shown.take(),
             notes: std::mem::take(&mut state.notes),
+            sketch: state.sketch.clone(),
         }
     }
 

@@ -35,6 +35,9 @@ pub struct Args {
     /// Folder that saved bakes, scenes, scripts and screenshots go to [default: the current one]
     #[arg(short, long, value_name = "DIR", conflicts_with = "headless")]
     pub output: Option<PathBuf>,
+    /// Hold the light against this: a folder that `rebake bake` wrote (open its scene.glb), or an EXR file
+    #[arg(long, value_name = "DIR|EXR")]
+    pub reference: Option<PathBuf>,
     /// At the end, write what frames took as JSON
     #[arg(long, value_name = "FILE", conflicts_with = "headless")]
     pub stats: Option<PathBuf>,

@@ -5,6 +5,7 @@ mod args;
 mod values;
 
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use anyhow::Context as _;
 use clap::Parser as _;
@@ -13,7 +14,7 @@ use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::AtlasOptions;
 use rebake::scene::Scene;
 use rebake::view::script::Line;
-use rebake::view::{Headless, HeadlessOptions, WindowOptions, run_window};
+use rebake::view::{Headless, HeadlessOptions, Reference, WindowOptions, reference, run_window};
 
 use args::Args;
 
@@ -42,6 +43,7 @@ fn run(args: &Args) -> anyhow::Result<()> {
             job: job(args),
             gpu: options,
             folder: folder.unwrap_or_else(|| ".".into()),
+            reference: args.reference.clone(),
             stats: args.stats.clone(),
         })?);
     };
@@ -54,11 +56,20 @@ fn run(args: &Args) -> anyhow::Result<()> {
     let (scene, document) = loaded?;
     scene.validate()?;
     let gpu = gpu?;
-    let mut baker = Baker::new(&gpu, scene, document, &job(args), &Silent)?;
+    let mut job = job(args);
+    let reference = match &args.reference {
+        Some(path) => {
+            reference::adopt(&mut job, path, &args.scene, &scene)?;
+            Some(Arc::new(Reference::load(path)?))
+        }
+        None => None,
+    };
+    let mut baker = Baker::new(&gpu, scene, document, &job, &Silent)?;
     let options = HeadlessOptions {
         size: args.size.0,
         frame: args.frame(),
         folder: folder.clone(),
+        reference,
     };
     let mut headless = Headless::new(&gpu, &mut baker, options)?;
     let base = script.parent().unwrap_or(std::path::Path::new("."));

@@ -102,26 +102,6 @@ pub(in super::super) fn clipped(
     Some([at(a), at(b)])
 }
 
-/// 1, 2 and 5 times the powers of ten from `low` to `high`.
-pub(super) fn round_numbers(low: f32, high: f32) -> Vec<f32> {
-    let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
-    decades
-        .flat_map(|d| [1.0, 2.0, 5.0].map(|m| m * 10f32.powi(d)))
-        .filter(|v| *v >= low * 0.999 && *v <= high * 1.001)
-        .collect()
-}
-
-/// Three digits.
-pub(super) fn short(value: f32) -> String {
-    match value {
-        v if v >= 1e5 => format!("{:.0}k", v / 1e3),
-        v if v >= 100.0 => format!("{v:.0}"),
-        v if v >= 10.0 => format!("{v:.1}"),
-        v if v >= 1.0 => format!("{v:.2}"),
-        v => format!("{v:.3}"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,13 +116,5 @@ mod tests {
         assert_eq!(edges.len(), 12);
         let total: f32 = edges.iter().map(|(a, b)| a.distance(*b)).sum();
         assert!((total - 24.0).abs() < 1e-5);
-    }
-
-    #[test]
-    fn scales_are_marked_with_round_numbers() {
-        assert_eq!(round_numbers(0.5, 10.0), [0.5, 1.0, 2.0, 5.0, 10.0]);
-        assert_eq!(short(0.5), "0.500");
-        assert_eq!(short(1234.6), "1235");
-        assert_eq!(short(123_456.0), "123k");
     }
 }

@@ -6,14 +6,15 @@ mod progress;
 
 use egui::{Align2, Color32, RichText};
 
-use super::display::Look;
 use super::input::{Action, MOVES, bindings};
+use super::legend::Legend;
+use super::look::{Look, Overlay};
 use super::place::Handle;
 use super::shown::Shown;
 use super::state::Viewer;
 use super::worker::{Request, Status};
 
-pub(super) use marks::marks;
+pub(super) use marks::{edges, marks};
 pub(super) use progress::frame_times;
 
 /// Draws all panels.
@@ -43,9 +44,7 @@ pub(super) fn draw(
     if viewer.help {
         keys(viewer, ctx);
     }
-    if viewer.look == Look::Lux {
-        scale(viewer, ctx, shown);
-    }
+    scales(viewer, ctx, shown);
 }
 
 fn bar(viewer: &mut Viewer, ui: &mut egui::Ui, status: &Status, actions: &mut Vec<Action>) {
@@ -80,20 +79,27 @@ fn bar(viewer: &mut Viewer, ui: &mut egui::Ui, status: &Status, actions: &mut Ve
     button(ui, "Undo", "Ctrl+Z", Action::Undo);
     button(ui, "Redo", "Ctrl+Shift+Z", Action::Redo);
     ui.separator();
-    for (look, text, hint) in [
-        (Look::Lit, "Lit", "the scene in its light"),
-        (Look::Light, "Light", "the light on grey surfaces"),
-        (
-            Look::Lux,
-            "Lux",
-            "irradiance in false colours, with a probe under the cursor",
-        ),
-    ] {
-        let label = ui.selectable_label(viewer.look == look, text);
-        if label.on_hover_text(hint).clicked() {
-            chosen.push(Action::Look(look));
+    ui.menu_button(format!("Look: {}", viewer.look.words()[0]), |ui| {
+        for look in Look::ALL {
+            let [text, hint] = look.words();
+            let there = look != Look::Error || viewer.has_reference;
+            let label = egui::Button::selectable(viewer.look == look, text);
+            let label = ui.add_enabled(there, label).on_hover_text(hint);
+            let label = label.on_disabled_hover_text("start with --reference DIR");
+            if label.clicked() && viewer.look != look {
+                chosen.push(Action::Look(look));
+            }
         }
-    }
+    });
+    ui.menu_button("Overlays", |ui| {
+        for overlay in Overlay::ALL {
+            let [text, hint] = overlay.words();
+            let mut on = viewer.overlays.contains(&overlay);
+            if ui.checkbox(&mut on, text).on_hover_text(hint).changed() {
+                chosen.push(Action::Overlay(overlay));
+            }
+        }
+    });
     ui.separator();
     for (handle, text) in [
         (Handle::Move, "Move"),
@@ -221,98 +227,82 @@ fn keys(viewer: &mut Viewer, ctx: &egui::Context) {
         });
 }
 
-/// The false colours' scale, and the lux under the cursor.
-fn scale(viewer: &mut Viewer, ctx: &egui::Context, shown: &Shown) {
-    let [low, high] = viewer.scale.unwrap_or_else(|| shown.scale());
+/// The scales of what is shown in false colours, what is under the cursor, and which page is looked at.
+fn scales(viewer: &mut Viewer, ctx: &egui::Context, shown: &Shown) {
+    let look = viewer.look;
+    let ends = viewer.scale_of(look, shown);
+    let legend = Legend::of_look(look, ends, viewer.probe);
+    let sketch = viewer.sketch.clone();
+    let overlays: Vec<Legend> = sketch
+        .iter()
+        .flat_map(|s| s.scales.iter().map(Legend::of_overlay))
+        .collect();
+    if legend.is_none() && overlays.is_empty() && look != Look::Page {
+        return;
+    }
     egui::Area::new("scale".into())
         .anchor(Align2::LEFT_TOP, [12.0, 48.0])
         .show(ctx, |ui| {
-            egui::Frame::popup(ui.style()).show(ui, |ui| {
-                ui.strong("lux");
-                let (rect, _) =
-                    ui.allocate_exact_size(egui::vec2(86.0, 240.0), egui::Sense::hover());
-                let bar = egui::Rect::from_min_size(rect.min, egui::vec2(22.0, rect.height()));
-                let steps = 120;
-                for i in 0..steps {
-                    let share = (i as f32 + 0.5) / steps as f32;
-                    let top = bar.bottom() - (i + 1) as f32 / steps as f32 * bar.height();
-                    let height = bar.height() / steps as f32 + 0.5;
-                    let line = egui::Rect::from_min_size(
-                        egui::pos2(bar.left(), top),
-                        egui::vec2(bar.width(), height),
-                    );
-                    ui.painter().rect_filled(line, 0.0, turbo(share));
+            ui.horizontal_top(|ui| {
+                if let Some(legend) = legend {
+                    egui::Frame::popup(ui.style()).show(ui, |ui| {
+                        ui.vertical(|ui| scale(viewer, ui, &legend));
+                    });
                 }
-                let stops = (high / low).log2();
-                let place = |lux: f32| bar.bottom() - (lux / low).log2() / stops * bar.height();
-                for lux in marks::round_numbers(low, high) {
-                    let at = egui::pos2(bar.right() + 6.0, place(lux));
-                    let font = egui::TextStyle::Small.resolve(ui.style());
-                    let color = ui.visuals().text_color();
-                    let text = marks::short(lux);
-                    ui.painter()
-                        .text(at, Align2::LEFT_CENTER, text, font, color);
+                for legend in overlays {
+                    egui::Frame::popup(ui.style()).show(ui, |ui| {
+                        ui.vertical(|ui| legend.draw(ui));
+                    });
                 }
-                if let Some(lux) = viewer.probe {
-                    let y = place(lux.clamp(low, high));
-                    let stroke = egui::Stroke::new(2.0, Color32::WHITE);
-                    ui.painter().hline(bar.x_range(), y, stroke);
-                    ui.label(format!("here: {} lx", marks::short(lux)));
-                } else {
-                    ui.weak("here: -");
-                }
-                let mut ends = [low, high];
-                ui.horizontal(|ui| {
-                    for end in &mut ends {
-                        let speed = 0.02 * *end;
-                        ui.add(egui::DragValue::new(end).speed(speed).range(1e-4..=1e6));
-                    }
-                });
-                if ends != [low, high] && ends[0] < ends[1] {
-                    viewer.scale = Some(ends);
-                }
-                if viewer.scale.is_some() && ui.small_button("fit").clicked() {
-                    viewer.scale = None;
+                if look == Look::Page {
+                    egui::Frame::popup(ui.style()).show(ui, |ui| page(viewer, ui, shown));
                 }
             });
         });
 }
 
-/// As in `view_tone.frag`.
-pub(super) fn turbo(x: f32) -> Color32 {
-    let fit = |c: [f32; 6]| {
-        c.iter()
-            .rev()
-            .fold(0.0, |sum, c| sum * x + c)
-            .clamp(0.0, 1.0)
+/// A scale whose ends can be changed.
+fn scale(viewer: &mut Viewer, ui: &mut egui::Ui, legend: &Legend) {
+    legend.draw(ui);
+    ui.label(legend.read_out());
+    let mut ends = legend.ends;
+    let factor = if legend.percent { 100.0 } else { 1.0 };
+    ui.horizontal(|ui| {
+        for end in &mut ends {
+            let mut value = *end * factor;
+            let speed = 0.02 * value;
+            let field = egui::DragValue::new(&mut value).speed(speed);
+            if ui.add(field.range(1e-4..=1e6)).changed() {
+                *end = value / factor;
+            }
+        }
+    });
+    let changed = ends != legend.ends && ends[0] < ends[1];
+    match viewer.look {
+        Look::Error if changed => viewer.error_scale = ends,
+        _ if changed => viewer.scale = Some(ends),
+        Look::Lux if viewer.scale.is_some() && ui.small_button("fit").clicked() => {
+            viewer.scale = None;
+        }
+        _ => {}
+    }
+}
+
+/// Which page is looked at.
+fn page(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown) {
+    let Some(atlas) = &shown.atlas else {
+        ui.label("there is no lightmap yet");
+        return;
     };
-    let byte = |v: f32| (v * 255.0 + 0.5) as u8;
-    Color32::from_rgb(
-        byte(fit([
-            0.135_721_4,
-            4.615_392_6,
-            -42.660_324,
-            132.131_08,
-            -152.942_4,
-            59.286_38,
-        ])),
-        byte(fit([
-            0.091_402_61,
-            2.194_188_4,
-            4.842_966_6,
-            -14.185_034,
-            4.277_298_5,
-            2.829_566,
-        ])),
-        byte(fit([
-            0.106_673_3,
-            12.641_946,
-            -60.582_047,
-            110.362_77,
-            -89.903_11,
-            27.348_25,
-        ])),
-    )
+    let pages = atlas.pages.max(1);
+    let mut number = viewer.page.page.min(pages - 1) + 1;
+    ui.horizontal(|ui| {
+        ui.label("page");
+        ui.add(egui::DragValue::new(&mut number).range(1..=pages));
+        ui.label(format!("of {pages}, {0} x {0} texels", atlas.page_size));
+    });
+    viewer.page.page = number - 1;
+    ui.weak("drag, wheel; click: select");
 }
 
 /// Asks for another slice of updates per frame.
