@@ -1,0 +1,260 @@
+//! An open window: from the scene's file to its first frame, frame by frame, and to its end.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+use winit::dpi::{LogicalSize, PhysicalSize};
+use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
+use winit::window::Window;
+
+use super::super::ViewError;
+use super::super::frames::Frames;
+use super::super::reference::{self, Reference};
+use super::super::resolve::Pages;
+use super::super::shown::Shown;
+use super::super::state::{Files, Viewer};
+use super::super::textures::Samplers;
+use super::super::worker::{Request, Setup, Status, Worker};
+use super::{FILE_WATCH, WindowOptions};
+use crate::gpu::Gpu;
+use crate::scene::Scene;
+use crate::transport::SceneBvh;
+
+/// Everything that an open window has. Fields are dropped in this order.
+pub(super) struct Open {
+    worker: Worker,
+    pub(super) frames: Frames,
+    viewer: Viewer,
+    shown: Arc<Shown>,
+    bvh: Option<SceneBvh>,
+    status: Status,
+    gpu: Gpu,
+    pub(super) window: Arc<Window>,
+    /// When the last frame was begun, and what it took.
+    pub(super) last: Instant,
+    pub(super) cost: Duration,
+    pub(super) live: bool,
+    /// Something is new that has not been drawn.
+    pub(super) dirty: bool,
+    watched: (Instant, Option<SystemTime>),
+    pub(super) egui_wants: Option<Instant>,
+}
+
+impl Open {
+    pub(super) fn new(
+        event_loop: &ActiveEventLoop,
+        options: &WindowOptions,
+        proxy: &EventLoopProxy<()>,
+    ) -> Result<Self, ViewError> {
+        let [width, height] = options.size;
+        let attributes = Window::default_attributes()
+            .with_title("rebake viewer")
+            .with_min_inner_size(LogicalSize::new(320, 240))
+            .with_inner_size(PhysicalSize::new(width, height));
+        let window = event_loop
+            .create_window(attributes)
+            .map_err(|e| ViewError::Window(e.to_string()))?;
+        let window = Arc::new(window);
+        // The driver starts while the file is read.
+        let (path, reference) = (options.scene.clone(), options.reference.clone());
+        let mut job = options.job.clone();
+        let load = std::thread::spawn(move || -> Result<_, ViewError> {
+            let (scene, document) = Scene::load(&path)?;
+            scene.validate()?;
+            let reference = match &reference {
+                Some(folder) => {
+                    reference::adopt(&mut job, folder, &path, &scene)?;
+                    Some(Arc::new(Reference::load(folder)?))
+                }
+                None => None,
+            };
+            Ok((scene, document, job, reference))
+        });
+        let gpu = Gpu::for_window(&options.gpu, &window)?;
+        let size = window.inner_size();
+        let mut frames = Frames::new(&gpu, &window, [size.width, size.height])?;
+        let (scene, document, job, reference) = load
+            .join()
+            .map_err(|_| ViewError::Ended("reading the scene's file panicked".into()))??;
+        let samplers = Samplers::new(&gpu)?;
+        let nothing = Pages::new(&gpu, None)?.view();
+        let shown = Arc::new(Shown::new(
+            &samplers,
+            &Arc::new(scene.clone()),
+            &document,
+            None,
+            &nothing,
+            None,
+        )?);
+        frames.show(&shown)?;
+        let files = Files::new(options.scene.clone(), options.folder.clone());
+        let mut viewer = Viewer::new(&shown, files, options.slice);
+        viewer.has_reference = reference.is_some();
+        let setup = Setup {
+            gpu: gpu.clone(),
+            samplers,
+            scene,
+            document,
+            job,
+            reference,
+            folder: options
+                .scene
+                .parent()
+                .map_or_else(PathBuf::new, PathBuf::from),
+            slice: options.slice,
+        };
+        let proxy = proxy.clone();
+        let worker = Worker::start(setup, Arc::clone(&shown), move || {
+            // An event loop that is over needs no waking.
+            let _gone = proxy.send_event(());
+        });
+        window.request_redraw();
+        Ok(Self {
+            worker,
+            frames,
+            viewer,
+            shown,
+            bvh: None,
+            status: Status::default(),
+            gpu,
+            window,
+            last: Instant::now(),
+            cost: Duration::ZERO,
+            live: false,
+            dirty: true,
+            watched: (Instant::now(), modified(&options.scene)),
+            egui_wants: None,
+        })
+    }
+
+    /// Draws a frame; whether the window stays open.
+    pub(super) fn frame(&mut self, options: &WindowOptions) -> Result<bool, ViewError> {
+        let begun = Instant::now();
+        let news = self.worker.news();
+        self.status = news.status;
+        if let Some(error) = self.status.failed.take() {
+            return Err(ViewError::Ended(error));
+        }
+        let now = self.frames.now();
+        for note in news.notes {
+            self.viewer.note(now, note);
+        }
+        if let Some((shown, bvh)) = news.shown {
+            self.frames.show(&shown)?;
+            self.shown = shown;
+            self.bvh = bvh;
+            self.viewer.scene_changed(&self.shown);
+        }
+        self.viewer.sketched(news.sketch);
+        let drawn = self.frames.draw(
+            &self.window,
+            &mut self.viewer,
+            &self.shown,
+            self.bvh.as_ref(),
+            &self.status,
+        )?;
+        for request in drawn.requests {
+            self.worker.send(request);
+        }
+        if drawn.live != self.live {
+            self.live = drawn.live;
+            self.worker.send(Request::Live(self.live));
+        }
+        self.egui_wants = drawn.again.map(|after| Instant::now() + after);
+        if drawn.shown {
+            self.worker.frame_drawn();
+            self.follow_times(begun);
+        }
+        self.title(options);
+        self.gpu.check_validation()?;
+        Ok(!drawn.quit)
+    }
+
+    fn follow_times(&mut self, begun: Instant) {
+        let since = begun - self.last;
+        self.last = begun;
+        self.cost = begun.elapsed().max(self.frames.device_time());
+        if self.live {
+            self.viewer.frame_ms.push(since.as_secs_f32() * 1e3);
+        }
+        if self.viewer.frame_ms.len() > 4096 {
+            self.viewer.frame_ms.drain(..2048);
+        }
+        self.viewer.device_bytes = self.gpu.peak_bytes();
+    }
+
+    fn title(&self, options: &WindowOptions) {
+        let name = options.scene.file_name().unwrap_or_default();
+        let state = match (
+            &self.status.preparing,
+            self.status.converged,
+            self.status.paused,
+        ) {
+            (Some(what), ..) => format!("preparing {what}"),
+            (_, true, _) => "converged".to_owned(),
+            (_, _, true) => "paused".to_owned(),
+            _ => {
+                let left = self.status.progress.map_or(0, |p| p.left);
+                format!("{left} updates left")
+            }
+        };
+        let selected = self.viewer.selection.and_then(|n| self.shown.name_of(n));
+        let selected = selected.map_or_else(String::new, |name| format!("{name} - "));
+        let name = name.to_string_lossy();
+        let title = format!("{name} - {selected}{state} - rebake viewer");
+        self.window.set_title(&title);
+    }
+
+    /// Loads the scene's file again when it has changed.
+    pub(super) fn watch(&mut self, options: &WindowOptions) {
+        if self.watched.0.elapsed() < FILE_WATCH {
+            return;
+        }
+        self.watched.0 = Instant::now();
+        let found = modified(&options.scene);
+        if found.is_some() && found != self.watched.1 {
+            self.watched.1 = found;
+            self.worker.send(Request::Reload(options.scene.clone()));
+        }
+    }
+
+    pub(super) fn close(self, options: &WindowOptions) -> Result<(), ViewError> {
+        let Self {
+            worker,
+            frames,
+            viewer,
+            shown,
+            gpu,
+            window,
+            status,
+            ..
+        } = self;
+        drop(worker);
+        drop(shown);
+        drop(frames);
+        if let Some(path) = &options.stats {
+            let (median, worst) = super::super::panels::frame_times(&viewer.frame_ms);
+            let stats = serde_json::json!({
+                "frames": viewer.frame_ms.len(),
+                "median_ms": median,
+                "p99_ms": worst,
+                "updates": status.updates,
+                "device": gpu.info().name,
+                "passes": gpu.timings(),
+            });
+            std::fs::write(path, format!("{stats:#}\n")).map_err(|cause| ViewError::Write {
+                path: path.clone(),
+                cause,
+            })?;
+        }
+        let checked = gpu.check_validation();
+        drop(gpu);
+        drop(window);
+        Ok(checked?)
+    }
+}
+
+fn modified(path: &std::path::Path) -> Option<SystemTime> {
+    std::fs::metadata(path).and_then(|m| m.modified()).ok()
+}
