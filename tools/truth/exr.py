@@ -1,4 +1,4 @@
-"""Reads OpenEXR images with numpy alone: single part, scan lines or one level of tiles; no, RLE, ZIPS or ZIP compression."""
+"""Reads and writes OpenEXR images with numpy alone: single part, scan lines or one level of tiles; no, RLE, ZIPS or ZIP compression."""
 
 import struct
 import zlib
@@ -92,3 +92,26 @@ def rgb(path):
     """An image as `[height, width, 3]`."""
     channels, _ = read(path)
     return np.stack([channels[c] for c in "RGB"], 2)
+
+
+def write(path, image):
+    """Uncompressed 32-bit scan lines."""
+    h, w, _ = image.shape
+    channels = b"".join(c + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for c in (b"B", b"G", b"R")) + b"\0"
+    window = struct.pack("<4i", 0, 0, w - 1, h - 1)
+    head = struct.pack("<ii", 20000630, 2)
+    for name, kind, value in (
+        (b"channels", b"chlist", channels),
+        (b"compression", b"compression", b"\0"),
+        (b"dataWindow", b"box2i", window),
+        (b"displayWindow", b"box2i", window),
+        (b"lineOrder", b"lineOrder", b"\0"),
+        (b"pixelAspectRatio", b"float", struct.pack("<f", 1)),
+        (b"screenWindowCenter", b"v2f", struct.pack("<ff", 0, 0)),
+        (b"screenWindowWidth", b"float", struct.pack("<f", 1)),
+    ):
+        head += name + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
+    head += b"\0"
+    rows = [struct.pack("<ii", y, 12 * w) + image[y, :, ::-1].T.astype("<f4").tobytes() for y in range(h)]
+    at = len(head) + 8 * h
+    path.write_bytes(head + b"".join(struct.pack("<Q", at + y * len(rows[0])) for y in range(h)) + b"".join(rows))

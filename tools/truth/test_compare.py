@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+import exr
+
 SIZE = 32
 HERE = Path(__file__).parent
 
@@ -18,29 +20,6 @@ HERE = Path(__file__).parent
 def light(position):
     """The irradiance that everything is made of, RGB."""
     return position @ np.array([[1.0, 0.2, 0.0], [0.0, 2.0, 0.5], [0.3, 0.0, 1.0]]) + 5.0
-
-
-def write_exr(path, image):
-    """Uncompressed 32-bit scan lines."""
-    h, w, _ = image.shape
-    channels = b"".join(c + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for c in (b"B", b"G", b"R")) + b"\0"
-    window = struct.pack("<4i", 0, 0, w - 1, h - 1)
-    head = struct.pack("<ii", 20000630, 2)
-    for name, kind, value in (
-        (b"channels", b"chlist", channels),
-        (b"compression", b"compression", b"\0"),
-        (b"dataWindow", b"box2i", window),
-        (b"displayWindow", b"box2i", window),
-        (b"lineOrder", b"lineOrder", b"\0"),
-        (b"pixelAspectRatio", b"float", struct.pack("<f", 1)),
-        (b"screenWindowCenter", b"v2f", struct.pack("<ff", 0, 0)),
-        (b"screenWindowWidth", b"float", struct.pack("<f", 1)),
-    ):
-        head += name + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
-    head += b"\0"
-    rows = [struct.pack("<ii", y, 12 * w) + image[y, :, ::-1].T.astype("<f4").tobytes() for y in range(h)]
-    at = len(head) + 8 * h
-    path.write_bytes(head + b"".join(struct.pack("<Q", at + y * len(rows[0])) for y in range(h)) + b"".join(rows))
 
 
 def write_out(folder, corners, texels, factor):
@@ -82,7 +61,7 @@ def write_out(folder, corners, texels, factor):
     text += b" " * (-len(text) % 4)
     body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
     (folder / "scene.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
-    write_exr(folder / "lightmap_0.exr", image)
+    exr.write(folder / "lightmap_0.exr", image)
 
 
 def truth(corners):
