@@ -144,6 +144,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Sums { int64
 struct ListHead {
     uint groups_x, groups_y, groups_z;
     uint entries;
+    uint weight; // what the entries hold, where somebody counts it: triangles
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer ListHeads { ListHead at[]; };
 

@@ -80,6 +80,8 @@ void main() {
             seen = abs(dot(x, offset)) - dot(abs(x), extent) < 1.0 && abs(dot(y, offset)) - dot(abs(y), extent) < 1.0;
         }
         if (WHICH == REST && hemicube) seen = seen && !hidden(view, face, f, offset, extent);
-        if (seen) list.at[atomicAdd(head.at[0].entries, 1)] = uvec2(chunk, view * 8 + face);
+        if (!seen) continue;
+        list.at[atomicAdd(head.at[0].entries, 1)] = uvec2(chunk, view * 8 + face);
+        atomicAdd(head.at[0].weight, chunks.at[chunk].count);
     }
 }

@@ -88,8 +88,6 @@ float visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, fl
 }
 
 const float SOFT_FURTHEST = 2.0;
-const uint SEARCH_TAPS = 5;
-const uint FILTER_TAPS = 8;
 const vec2 SEARCH[SEARCH_TAPS] = vec2[](vec2(0.0), vec2(0.65, 0.25), vec2(-0.25, 0.65), vec2(-0.65, -0.25), vec2(0.25, -0.65));
 // Two rings, the inner one turned by 45 degrees.
 const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2(-0.354, 0.0), vec2(0.0, -0.354),

@@ -53,6 +53,7 @@ fn every_part_is_measured_and_compared() {
         "T_uv",
         "move: updates",
         "wall: 95 % gone after",
+        "move: limited updates are cheaper",
     ] {
         let figure = all.iter().find(|f| f["name"] == name);
         let figure = figure.unwrap_or_else(|| panic!("no figure {name}"));

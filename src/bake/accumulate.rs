@@ -12,8 +12,8 @@ use super::records::{Light, Region};
 use super::shaders;
 use super::shadow::ShadowPass;
 use super::shared::{
-    BATCH, FORM_CLIPPED, FORM_DIRECTIONAL, FORM_DISK, FORM_POLYGON, FORM_PUNCTUAL, FORMS,
-    LIGHT_DIRECTIONAL, LIGHT_DISK, LIGHT_POLYGON, TILE,
+    BATCH, FILTER_TAPS, FORM_CLIPPED, FORM_DIRECTIONAL, FORM_DISK, FORM_POLYGON, FORM_PUNCTUAL,
+    FORMS, LIGHT_DIRECTIONAL, LIGHT_DISK, LIGHT_POLYGON, SEARCH_TAPS, TILE,
 };
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 
@@ -53,6 +53,8 @@ pub(super) struct AccumulatePass {
     sums: Buffer,
     /// Pairs of a texel and a light that culling left in: by form, those of soft lights after the others.
     pairs: Buffer,
+    /// Pairs in all tiles that culling looked at.
+    offered: u64,
     /// Tiles that have sums.
     tiles: u32,
     /// Tiles that see nothing of a light are left out: the same bits, sooner.
@@ -143,6 +145,7 @@ impl AccumulatePass {
             )?,
             sums,
             pairs,
+            offered: 0,
             tiles: receivers.texel_tiles(),
             occlusion: true,
             evaluation,
@@ -208,6 +211,7 @@ impl AccumulatePass {
             }
         }
         let tile_count = receivers.count();
+        self.offered += u64::from(tile_count * TILE) * lights.len() as u64;
         grow(
             gpu,
             cmd,
@@ -244,7 +248,7 @@ impl AccumulatePass {
                 occlusion: u32::from(self.occlusion && !soft),
             };
             cmd.dispatch(&self.cull, &push, [tile_count, 1, 1]);
-            self.heads.finish(cmd);
+            self.heads.finish(cmd, &[]);
         });
         for form in forms {
             let push = Push {
@@ -301,6 +305,11 @@ impl AccumulatePass {
         Ok(pairs)
     }
 
+    /// Pairs of a texel and a light in the tiles that culling looked at so far.
+    pub(super) fn offered(&self) -> u64 {
+        self.offered
+    }
+
     /// Fixed-point units per lux.
     pub(super) fn scale(&self) -> f32 {
         self.evaluation.scale
@@ -333,6 +342,12 @@ fn forms_of(lights: &[Light]) -> Vec<u32> {
         forms.push(FORM_DIRECTIONAL);
     }
     forms
+}
+
+/// Lookups in depth maps that a pair of a scope takes at most.
+pub(super) fn taps(scope: &str) -> u32 {
+    let soft = scope.ends_with("soft") || scope == scope_name(FORM_PUNCTUAL, true);
+    if soft { SEARCH_TAPS + FILTER_TAPS } else { 1 }
 }
 
 fn scope_name(form: u32, soft: bool) -> &'static str {

@@ -9,6 +9,8 @@ use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage
 /// Heads of several lists, and the pass that turns their lengths into workgroup counts.
 pub(super) struct Heads {
     buffer: Buffer,
+    /// Of each list, entries and what they hold, over all batches.
+    totals: Buffer,
     count: u32,
     pipeline: Pipeline,
 }
@@ -17,7 +19,9 @@ pub(super) struct Heads {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Push {
     heads: Address,
+    totals: Address,
     count: u32,
+    counted: u32,
 }
 
 impl Heads {
@@ -28,6 +32,7 @@ impl Heads {
                 u64::from(count) * size_of::<ListHead>() as u64,
                 Memory::Device,
             )?,
+            totals: gpu.buffer_with(&format!("{name}, totals"), &vec![0u64; 2 * count as usize])?,
             count,
             pipeline: gpu.pipeline(shaders::LIST_ARGS, &[])?,
         })
@@ -43,15 +48,22 @@ impl Heads {
         cmd.fill(&self.buffer, 0, self.buffer.size() & !3, 0);
     }
 
-    /// After the appending pass: makes the lists ready for [`Heads::dispatch`].
-    pub(super) fn finish(&self, cmd: &mut Commands) {
+    /// After the appending pass: makes the lists ready for [`Heads::dispatch`], and adds those of `counted` to the totals.
+    pub(super) fn finish(&self, cmd: &mut Commands, counted: &[u32]) {
         cmd.barrier(Stage::Compute, Stage::Compute);
         let push = Push {
             heads: self.buffer.address(),
+            totals: self.totals.address(),
             count: self.count,
+            counted: counted.iter().fold(0, |bits, list| bits | 1 << list),
         };
         cmd.dispatch(&self.pipeline, &push, [self.count, 1, 1]);
         cmd.barrier(Stage::Compute, Stage::Indirect);
+    }
+
+    /// Waits, then reads how many entries each list had and what they held, as counted so far.
+    pub(super) fn totals(&self) -> Result<Vec<[u64; 2]>> {
+        self.totals.read(0..self.count as usize)
     }
 
     /// One workgroup for each entry of `list`.

@@ -80,6 +80,9 @@ impl Baker {
             clusters: self.held.len() as u64,
             accumulated: self.illumination.lights_sent(),
             pairs: self.illumination.pairs().clone(),
+            offered_pairs: self.illumination.pass().offered(),
+            taps: self.illumination.taps(),
+            shadows: self.illumination.shadows(),
             ..Counts::default()
         };
         for light in self.held.values().flat_map(|h| &h.selected.lights) {
@@ -113,6 +116,7 @@ impl Baker {
             memory: Memory {
                 host_peak: host_peak(),
                 device_peak: gpu.peak_bytes(),
+                device: gpu.allocations(),
             },
             seconds: BTreeMap::new(),
             total_seconds: 0.0,

@@ -148,6 +148,7 @@ pub(super) struct ListHead {
     pub groups_y: u32,
     pub groups_z: u32,
     pub entries: u32,
+    pub weight: u32,
 }
 
 /// Resolutions of depth maps, pixels along an edge.

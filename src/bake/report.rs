@@ -92,6 +92,29 @@ pub struct Counts {
     /// Pairs of a texel and a light that culling left in and the device evaluated, by its pass: over the pass's time in
     /// `gpu`, the rate.
     pub pairs: BTreeMap<&'static str, u64>,
+    /// Pairs of a texel and a light in all tiles that were looked at for a batch; those that no pass evaluated were culled.
+    pub offered_pairs: u64,
+    /// Lookups in depth maps that evaluating `pairs` takes at most.
+    pub taps: BTreeMap<&'static str, u64>,
+    /// Depth maps.
+    pub shadows: ShadowCounts,
+}
+
+/// What was drawn into depth maps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ShadowCounts {
+    /// Maps; lights that shine all around have two.
+    pub maps: u64,
+    /// Faces of these: five of a hemicube, one of parallel light.
+    pub faces: u64,
+    /// Triangles in all faces if nothing were culled.
+    pub offered: u64,
+    /// Chunks of triangles that were drawn, each time for a face.
+    pub chunks: u64,
+    /// Triangles in these.
+    pub triangles: u64,
+    /// Of these, triangles that cover too many pixels for one invocation.
+    pub large: u64,
 }
 
 /// Flux in bake.json, lumens (mean over RGB).
@@ -113,12 +136,14 @@ pub struct FluxReport {
 }
 
 /// Memory in bake.json, bytes.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Memory {
     /// The most the process had resident; none where the system does not tell.
     pub host_peak: Option<u64>,
     /// The most that buffers held on the device.
     pub device_peak: u64,
+    /// The most that resources of a name held there at once, by name.
+    pub device: BTreeMap<String, u64>,
 }
 
 /// The process's peak resident size.

@@ -7,6 +7,7 @@ use super::list::Heads;
 use super::occluders::Occluders;
 use super::pool::grow;
 use super::records::View;
+use super::report::ShadowCounts;
 use super::shaders;
 use super::shared::{BATCH, VIEW_BLOCKS, VIEW_HEMICUBE};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
@@ -35,6 +36,8 @@ pub(super) struct ShadowPass {
     blocks: Buffer,
     /// Scenes of fewer chunks are drawn at once: nothing is looked for that is hidden.
     few: u32,
+    /// Maps and faces drawn so far, and triangles that were there to be drawn into them.
+    drawn: [u64; 3],
 }
 
 /// Which chunks are drawn.
@@ -163,6 +166,7 @@ impl ShadowPass {
                 Memory::Device,
             )?,
             few: FEW_CHUNKS,
+            drawn: [0; 3],
         })
     }
 
@@ -184,6 +188,21 @@ impl ShadowPass {
     /// The first `elements` of the depth maps drawn last.
     pub(super) fn read_depth(&self, elements: usize) -> Result<Vec<f32>> {
         self.depth.read(0..elements)
+    }
+
+    /// Waits, then says what was drawn so far.
+    pub(super) fn counts(&self) -> Result<ShadowCounts> {
+        let totals = self.heads.totals()?;
+        let sum = |lists: [u32; 2], of: usize| lists.map(|l| totals[l as usize][of]).iter().sum();
+        let [maps, faces, offered] = self.drawn;
+        Ok(ShadowCounts {
+            maps,
+            faces,
+            offered,
+            chunks: sum(CHUNKS, 0),
+            triangles: sum(CHUNKS, 1),
+            large: sum(LARGE, 0),
+        })
     }
 
     /// What hides in the maps drawn last: see [`super::shared::VIEW_BLOCKS`].
@@ -212,6 +231,10 @@ impl ShadowPass {
                 u64::from(v.size) * u64::from(v.size) * if v.kind == VIEW_HEMICUBE { 3 } else { 1 }
             })
             .sum();
+        let faces = |v: &View| if v.kind == VIEW_HEMICUBE { 5 } else { 1 };
+        let faces: u64 = views.iter().map(faces).sum();
+        let new = [views.len() as u64, faces, faces * occluders.triangles()];
+        (0..3).for_each(|i| self.drawn[i] += new[i]);
         cmd.upload(&self.views, 0, views)?;
         cmd.fill(&self.depth, 0, elements * 4, 0);
         let chunks = occluders.whole.count().max(occluders.masked.count());
@@ -281,7 +304,7 @@ impl ShadowPass {
                     [chunks.count(), views as u32, 1],
                 );
             }
-            self.heads.finish(cmd);
+            self.heads.finish(cmd, &CHUNKS);
         });
         cmd.scope("shadow small", |cmd| {
             for (kind, made, chunks) in &drawings {
@@ -300,7 +323,7 @@ impl ShadowPass {
                 };
                 self.heads.dispatch(cmd, &made.small, &push, CHUNKS[*kind]);
             }
-            self.heads.finish(cmd);
+            self.heads.finish(cmd, &LARGE);
         });
         cmd.scope("shadow large", |cmd| {
             for (kind, made, chunks) in &drawings {

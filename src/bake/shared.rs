@@ -24,6 +24,8 @@ pub const MACROS: &[(&str, u32)] = &[
     ("FORM_DIRECTIONAL", FORM_DIRECTIONAL),
     ("FORMS", FORMS),
     ("LARGE_ROWS", LARGE_ROWS),
+    ("SEARCH_TAPS", SEARCH_TAPS),
+    ("FILTER_TAPS", FILTER_TAPS),
     ("WRAP_REPEAT", WRAP_REPEAT),
     ("WRAP_MIRROR", WRAP_MIRROR),
     ("WRAP_CLAMP", WRAP_CLAMP),
@@ -51,6 +53,10 @@ pub const CHUNK: u32 = 64;
 /// Rows of a large triangle that one workgroup draws, at least 8 at a time: lavapipe ends an invocation's loops after 65,535 rounds in
 /// all, and the widest map has 8,192 columns.
 pub const LARGE_ROWS: u32 = 32;
+/// Lookups that find a soft shadow's mean blocker, and those that filter over its penumbra.
+pub const SEARCH_TAPS: u32 = 5;
+/// See [`SEARCH_TAPS`].
+pub const FILTER_TAPS: u32 = 8;
 /// `Cutout.wrap`: two bits an axis.
 pub const WRAP_REPEAT: u32 = 0;
 /// `Cutout.wrap`.

@@ -6,10 +6,11 @@ mod sending;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Instant;
 
-use super::accumulate::{AccumulatePass, Evaluation};
+use super::accumulate::{self, AccumulatePass, Evaluation};
 use super::occluders::Occluders;
 use super::place::Receivers;
 use super::records::{self, Region, ShadowSizes};
+use super::report::ShadowCounts;
 use super::shadow::ShadowPass;
 use super::shared::BATCH;
 use super::versions::{Boxes, Version, Versions};
@@ -62,6 +63,7 @@ pub struct Illumination {
     /// Sent so far, indirect and direct ones.
     lights: [u64; 2],
     pairs: BTreeMap<&'static str, u64>,
+    shadows: ShadowCounts,
 }
 
 /// A submission.
@@ -110,6 +112,7 @@ impl Illumination {
             batch_limit: None,
             lights: [0; 2],
             pairs: BTreeMap::new(),
+            shadows: ShadowCounts::default(),
         })
     }
 
@@ -270,6 +273,18 @@ impl Illumination {
         &self.pairs
     }
 
+    /// What was drawn into depth maps when the sums were last read.
+    pub(super) fn shadows(&self) -> ShadowCounts {
+        self.shadows
+    }
+
+    /// Lookups that [`Illumination::pairs`] took at most.
+    pub(super) fn taps(&self) -> BTreeMap<&'static str, u64> {
+        let taps = self.pairs.iter();
+        taps.map(|(&scope, &pairs)| (scope, pairs * u64::from(accumulate::taps(scope))))
+            .collect()
+    }
+
     /// Virtual lights sent so far, subtractions included.
     pub fn lights_sent(&self) -> u64 {
         self.lights.iter().sum()
@@ -294,6 +309,7 @@ impl Illumination {
     pub fn sums(&mut self) -> Result<Vec<i64>> {
         self.flush()?;
         self.pairs = self.accumulate.pairs()?;
+        self.shadows = self.shadow.counts()?;
         self.accumulate.read()
     }
 }

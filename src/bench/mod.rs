@@ -3,6 +3,7 @@
 
 mod compare;
 mod figure;
+mod limits;
 mod response;
 mod sweeps;
 mod table;
@@ -34,11 +35,13 @@ pub enum Part {
     Cells,
     /// How the map follows edits (IBGI fig. 11).
     Response,
+    /// An edit's updates limited to the shadows of what it changed, beside whole ones.
+    Limits,
 }
 
 impl Part {
     /// All of them.
-    pub const ALL: [Part; 7] = [
+    pub const ALL: [Part; 8] = [
         Part::Table,
         Part::Creation,
         Part::Texels,
@@ -46,6 +49,7 @@ impl Part {
         Part::Batches,
         Part::Cells,
         Part::Response,
+        Part::Limits,
     ];
 }
 
@@ -168,6 +172,7 @@ pub fn measure(
             Part::Batches => bench.batches()?,
             Part::Cells => bench.cells()?,
             Part::Response => bench.response()?,
+            Part::Limits => bench.limits()?,
         }
     }
     Ok(bench.out)

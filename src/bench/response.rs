@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use tempfile::TempDir;
+
 use super::figure::{Better, Figure, Point, Series};
 use super::{Bench, BenchError};
 use crate::bake::{Baked, Limit, Replay, ReplayOptions, Silent, bake};
@@ -56,17 +58,29 @@ pub(super) fn builtin(scene: &str) -> Vec<Scenario> {
     .collect()
 }
 
+/// Those of a scene and those that were asked for.
+pub(super) fn all(bench: &Bench) -> Vec<Scenario> {
+    let mut scenarios = builtin(bench.name);
+    scenarios.extend(bench.plan.scenarios.iter().cloned());
+    scenarios
+}
+
+/// A folder with what the built-in walls are made from.
+pub(super) fn walls() -> std::io::Result<TempDir> {
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("wall.gltf"), WALL)?;
+    Ok(folder)
+}
+
 impl Bench<'_> {
     pub(super) fn response(&mut self) -> Result<(), BenchError> {
-        let mut scenarios = builtin(self.name);
-        scenarios.extend(self.plan.scenarios.iter().cloned());
+        let scenarios = all(self);
         if scenarios.is_empty() {
             let why = "response: the scene has no scenario; --script FILE gives it one";
             self.out.missing.push(why.into());
             return Ok(());
         }
-        let folder = tempfile::tempdir()?;
-        std::fs::write(folder.path().join("wall.gltf"), WALL)?;
+        let walls = walls()?;
         self.tell("response: baking the scene once");
         let (scene, document) = (self.scene.clone(), self.document.clone());
         let Baked {
@@ -76,7 +90,7 @@ impl Bench<'_> {
         let unwrap = report.seconds.get("unwrap").copied().unwrap_or_default();
         let full = report.total_seconds - unwrap;
         for scenario in &scenarios {
-            let folder = scenario.folder.as_deref().unwrap_or(folder.path());
+            let folder = scenario.folder.as_deref().unwrap_or(walls.path());
             let mut runs = self.repeat(&format!("response: {}", scenario.name), || {
                 play(&mut baker, scenario, folder)
             })?;

@@ -39,6 +39,14 @@ impl Bench<'_> {
             ("virtual lights", lights),
             ("T_uv", counts.t_uv),
             ("P_uv", counts.p_uv),
+            ("pairs", counts.pairs.values().sum()),
+            ("pairs before culling", counts.offered_pairs),
+            ("taps", counts.taps.values().sum()),
+            ("depth maps", counts.shadows.maps),
+            ("faces drawn", counts.shadows.faces),
+            ("shadow triangles", counts.shadows.triangles),
+            ("shadow triangles, large", counts.shadows.large),
+            ("shadow triangles before culling", counts.shadows.offered),
         ] {
             figures.push(Figure::count(name, count as f64));
         }
@@ -76,6 +84,17 @@ impl Bench<'_> {
         of("device memory", "MiB", Better::Lower, &|r| {
             r.report.memory.device_peak as f64 / f64::from(1 << 20)
         });
+        for name in last.memory.device.keys() {
+            of(
+                &format!("device memory: {name}"),
+                "MiB",
+                Better::Lower,
+                &|r| {
+                    let bytes = r.report.memory.device.get(name).copied();
+                    bytes.unwrap_or_default() as f64 / f64::from(1 << 20)
+                },
+            );
+        }
         if last.memory.host_peak.is_some() {
             of("host memory", "MiB", Better::Lower, &|r| {
                 r.report.memory.host_peak.unwrap_or(0) as f64 / f64::from(1 << 20)

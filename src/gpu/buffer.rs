@@ -1,7 +1,6 @@
 //! Buffers: named, addressed, freed when the device is done with them.
 
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 use ash::vk;
 use bytemuck::Pod;
@@ -114,8 +113,7 @@ impl RawBuffer {
             }
             let address = device
                 .get_buffer_device_address(&vk::BufferDeviceAddressInfo::default().buffer(handle));
-            let live = shared.allocated.fetch_add(size, Ordering::Relaxed) + size;
-            shared.peak.fetch_max(live, Ordering::Relaxed);
+            shared.came(name, size);
             Ok(Self {
                 handle,
                 allocation: Some(allocation),
@@ -237,10 +235,7 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        self.gpu
-            .0
-            .allocated
-            .fetch_sub(self.raw.size, Ordering::Relaxed);
+        self.gpu.0.went(&self.name, self.raw.size);
         self.gpu
             .queue()
             .discard(Garbage::Buffer(std::mem::take(&mut self.raw)));

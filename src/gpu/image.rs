@@ -1,7 +1,6 @@
 //! Images. They stay in one layout, `GENERAL`, for life.
 
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -192,8 +191,7 @@ impl Image {
                 }
             };
             self.bytes = requirements.size;
-            let live = shared.allocated.fetch_add(self.bytes, Ordering::Relaxed) + self.bytes;
-            shared.peak.fetch_max(live, Ordering::Relaxed);
+            shared.came(name, self.bytes);
             let bound = device.bind_image_memory(handle, allocation.memory(), allocation.offset());
             self.handle = handle;
             self.allocation = Some(allocation);
@@ -324,7 +322,7 @@ impl Gpu {
 impl Drop for Image {
     fn drop(&mut self) {
         let shared = &self.gpu.0;
-        shared.allocated.fetch_sub(self.bytes, Ordering::Relaxed);
+        shared.went(&self.name, self.bytes);
         self.gpu.queue().discard(Garbage::Image {
             handle: self.handle,
             view: self.view,

@@ -25,6 +25,7 @@ pub(crate) mod testing;
 mod textures;
 mod ticket;
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -62,12 +63,39 @@ struct Shared {
     /// Bytes in live buffers, and their peak.
     allocated: AtomicU64,
     peak: AtomicU64,
+    /// Likewise by name.
+    named: Mutex<BTreeMap<String, [u64; 2]>>,
     queue: Mutex<Queue>,
     /// Taken out first when the device goes.
     allocator: Mutex<Option<Allocator>>,
     debug: Option<ext::debug_utils::Device>,
     device: ash::Device,
     instance: Instance,
+}
+
+impl Shared {
+    /// Counts what was allocated.
+    fn came(&self, name: &str, bytes: u64) {
+        let live = self.allocated.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        self.peak.fetch_max(live, Ordering::Relaxed);
+        let mut named = self.named.lock().unwrap_or_else(|e| e.into_inner());
+        if !named.contains_key(name) {
+            named.insert(name.to_owned(), [0; 2]);
+        }
+        if let Some([live, peak]) = named.get_mut(name) {
+            *live += bytes;
+            *peak = (*peak).max(*live);
+        }
+    }
+
+    /// Counts what is given back.
+    fn went(&self, name: &str, bytes: u64) {
+        self.allocated.fetch_sub(bytes, Ordering::Relaxed);
+        let mut named = self.named.lock().unwrap_or_else(|e| e.into_inner());
+        if let Some([live, _]) = named.get_mut(name) {
+            *live = live.saturating_sub(bytes);
+        }
+    }
 }
 
 /// Lists every device with what it lacks.
@@ -185,6 +213,7 @@ impl Gpu {
                 info,
                 allocated: AtomicU64::new(0),
                 peak: AtomicU64::new(0),
+                named: Mutex::default(),
                 queue: Mutex::new(queue),
                 allocator: Mutex::new(Some(allocator)),
                 debug,
@@ -202,6 +231,15 @@ impl Gpu {
     /// The most bytes that live buffers ever held at once.
     pub fn peak_bytes(&self) -> u64 {
         self.0.peak.load(Ordering::Relaxed)
+    }
+
+    /// The most bytes that live buffers and images of a name ever held at once, by name.
+    pub fn allocations(&self) -> BTreeMap<String, u64> {
+        let named = self.0.named.lock().unwrap_or_else(|e| e.into_inner());
+        named
+            .iter()
+            .map(|(n, [_, peak])| (n.clone(), *peak))
+            .collect()
     }
 
     /// An error if the validation layer has said anything since the last call.

@@ -3,7 +3,6 @@
 use std::any::Any;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use ash::{khr, vk};
 use gpu_allocator::vulkan::{Allocation, Allocator};
@@ -356,7 +355,7 @@ impl Queue {
         let size = bytes.len() as u64;
         let mut buffer = RawBuffer::new(shared, "upload", size, Memory::Upload)?;
         buffer.write_mapped(0, bytes);
-        shared.allocated.fetch_sub(buffer.size, Ordering::Relaxed);
+        shared.went("upload", buffer.size);
         let handle = buffer.handle;
         self.discard(Garbage::Buffer(buffer));
         Ok((handle, 0))

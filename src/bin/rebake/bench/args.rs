@@ -83,6 +83,8 @@ pub enum Part {
     Cells,
     /// How the map follows edits
     Response,
+    /// An edit's updates limited to the shadows of what it changed, beside whole ones: the same bits, or it fails
+    Limits,
 }
 
 impl Part {
@@ -96,6 +98,7 @@ impl Part {
             Part::Batches => To::Batches,
             Part::Cells => To::Cells,
             Part::Response => To::Response,
+            Part::Limits => To::Limits,
         }
     }
 }
