@@ -14,6 +14,7 @@ layout(local_size_x_id = 2) in;
 layout(constant_id = 0) const uint FORM = FORM_CLIPPED;
 // Percentage-closer soft shadows for direct lights (VPL13 section 6); otherwise one tap.
 layout(constant_id = 1) const bool SOFT = false;
+const bool AREA = FORM == FORM_POLYGON || FORM == FORM_CLIPPED || FORM == FORM_DISK;
 
 layout(push_constant, scalar) uniform Push {
     Receivers receivers;
@@ -38,9 +39,16 @@ bool hidden(Light light, vec3 p, vec3 face) {
     return FORM == FORM_PUNCTUAL || FORM == FORM_DISK ? above <= 0.0 : above <= -light.radius;
 }
 
-// Irradiance without visibility, per unit of flux (area lights) or intensity (the others). Moves p out of the emitter's
-// plane where it lies within epsilon of it (VPL13 fig. 8).
-float transfer(Light light, uint i, inout vec3 p, vec3 n) {
+// How far p is moved out of the emitter's plane where it lies within epsilon of it (VPL13 fig. 8); in the receiver's plane.
+vec3 out_of_plane(Light light, vec3 p, vec3 n) {
+    float height = dot(p - light.position, light.normal);
+    vec3 up = light.normal - n * dot(n, light.normal);
+    float climb = dot(up, light.normal);
+    return up * (abs(height) < epsilon && climb > 0.25 ? (epsilon - height) / climb : 0.0);
+}
+
+// Irradiance without visibility at p, per unit of flux (area lights) or intensity (the others). `factor`: a polygon's form factor.
+float transfer(Light light, vec3 p, vec3 n, float factor) {
     if (FORM == FORM_DIRECTIONAL) return max(0.0, -dot(n, light.normal));
     vec3 to_light = light.position - p;
     if (FORM == FORM_PUNCTUAL) {
@@ -51,29 +59,11 @@ float transfer(Light light, uint i, inout vec3 p, vec3 n) {
         return d2 > 0.0 ? max(0.0, dot(n, l)) * cone * cone / d2 : 0.0;
     }
     float height = -dot(to_light, light.normal);
-    vec3 up = light.normal - n * dot(n, light.normal);
-    float climb = dot(up, light.normal);
-    float shift = abs(height) < epsilon && climb > 0.25 ? (epsilon - height) / climb : 0.0;
-    p += up * shift;
-    to_light -= up * shift;
-    height += climb * shift;
     if (FORM == FORM_DISK) {
         float d2 = dot(to_light, to_light);
         float cosines = max(0.0, dot(n, to_light)) * max(0.0, height) / d2;
         return d2 > 0.0 ? cosines / (PI * d2 + disk_area * light.area) : 0.0;
     }
-    float factor = 0.0;
-    vec3 a = lights.at[i].vertex[light.vertices - 1] - p;
-    vec3 leave = vec3(0.0), enter = vec3(0.0);
-    uint k = 0;
-    for (;;) {
-        vec3 b = lights.at[i].vertex[k] - p;
-        if (FORM == FORM_CLIPPED) factor += clipped_edge(a, b, n, leave, enter);
-        else factor += edge(a, b, n);
-        a = b;
-        if (++k >= light.vertices) break;
-    }
-    if (FORM == FORM_CLIPPED) factor += edge(leave, enter, n);
     // In the polygon's own plane, or within rounding of it, edges have no direction to speak of.
     return height > 1e-5 * light.radius ? max(0.0, factor) / light.area : 0.0;
 }
@@ -107,11 +97,39 @@ void main() {
         mask &= mask - 1;
         Light light = lights.at[i];
         View front = views.at[light.view];
+        vec3 moved[TEXELS];
+        float factors[TEXELS];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
-            vec3 p = positions[k], n = normals[k], f = faces[k];
+            moved[k] = positions[k];
+            if (AREA) moved[k] += out_of_plane(light, positions[k], normals[k]);
+            factors[k] = 0.0;
+        }
+        if (FORM == FORM_POLYGON || FORM == FORM_CLIPPED) {
+            Corner corners[TEXELS], leave[TEXELS], enter[TEXELS];
+            vec3 last = lights.at[i].vertex[light.vertices - 1];
+            [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
+                corners[k] = corner(last - moved[k], normals[k]);
+                leave[k] = enter[k] = Corner(vec3(0.0), 0.0);
+            }
+            uint v = 0;
+            for (;;) {
+                vec3 vertex = lights.at[i].vertex[v];
+                [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
+                    Corner next = corner(vertex - moved[k], normals[k]);
+                    if (FORM == FORM_CLIPPED) factors[k] += clipped_edge(corners[k], next, normals[k], leave[k], enter[k]);
+                    else factors[k] += edge(corners[k].direction, next.direction, normals[k]);
+                    corners[k] = next;
+                }
+                if (++v >= light.vertices) break;
+            }
+            if (FORM == FORM_CLIPPED)
+                [[unroll]] for (uint k = 0; k < TEXELS; ++k) factors[k] += edge(leave[k].direction, enter[k].direction, normals[k]);
+        }
+        [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
+            vec3 p = moved[k], n = normals[k], f = faces[k];
             // Both, then the choice: on SIMD processors a branch around the loop over edges costs more than the loop.
-            bool dark = hidden(light, p, f);
-            float value = transfer(light, i, p, n) * scale;
+            bool dark = hidden(light, positions[k], f);
+            float value = transfer(light, p, n, factors[k]) * scale;
             value = dark ? 0.0 : value;
             View view = front;
             if (FORM == FORM_PUNCTUAL) {

@@ -10,22 +10,30 @@ float angle_over_sine(float cosine, float sine_squared) {
     return cosine > 0.0 ? near : 0.5 * inversesqrt(max(sine_squared, 1e-20)) - near;
 }
 
-// A degenerate edge (leave = enter = 0) gives 0.
+// A vertex: the way to it, of length 1, and how far above the horizon that leads.
+struct Corner {
+    vec3 direction;
+    float height;
+};
+
+Corner corner(vec3 way, vec3 n) {
+    vec3 direction = way * inversesqrt(max(dot(way, way), 1e-30));
+    return Corner(direction, dot(direction, n));
+}
+
+// Of unit vectors. A degenerate edge (a = b = 0) gives 0.
 float edge(vec3 a, vec3 b, vec3 n) {
-    a *= inversesqrt(max(dot(a, a), 1e-30));
-    b *= inversesqrt(max(dot(b, b), 1e-30));
     vec3 c = cross(a, b);
     return -dot(c, n) * angle_over_sine(dot(a, b), dot(c, c));
 }
 
 // The part of an edge above the receiver's horizon; notes where the outline leaves and enters the upper half space.
-float clipped_edge(vec3 a, vec3 b, vec3 n, inout vec3 leave, inout vec3 enter) {
-    float ha = dot(a, n), hb = dot(b, n);
-    vec3 crossing = a + (b - a) * clamp(ha / (ha - hb), 0.0, 1.0);
-    bool down = ha > 0.0 && hb <= 0.0;
-    bool up = ha <= 0.0 && hb > 0.0;
-    leave = down ? crossing : leave;
-    enter = up ? crossing : enter;
-    float part = edge(up ? crossing : a, down ? crossing : b, n);
-    return ha > 0.0 || hb > 0.0 ? part : 0.0;
+float clipped_edge(Corner a, Corner b, vec3 n, inout Corner leave, inout Corner enter) {
+    Corner crossing = corner(a.direction + (b.direction - a.direction) * clamp(a.height / (a.height - b.height), 0.0, 1.0), n);
+    bool down = a.height > 0.0 && b.height <= 0.0;
+    bool up = a.height <= 0.0 && b.height > 0.0;
+    if (down) leave = crossing;
+    if (up) enter = crossing;
+    float part = edge(up ? crossing.direction : a.direction, down ? crossing.direction : b.direction, n);
+    return a.height > 0.0 || b.height > 0.0 ? part : 0.0;
 }

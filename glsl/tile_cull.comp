@@ -7,6 +7,9 @@
 #include "view.glsl"
 #include "hidden.glsl"
 
+// By how much cone_cos is less than the cosine of the largest angle (place.comp), at least.
+const float CONE_SLACK = 1e-5;
+
 layout(local_size_x = 64) in;
 
 layout(push_constant, scalar) uniform Push {
@@ -109,6 +112,18 @@ bool occluded(uint i, uint tile, vec3 center, vec3 extent, vec3 axis, float lowe
     return least > 0.0 && face_cos > 0.0 && covered(blocks, view, face, middle, half_size, SLACK / max(plane, 1e-6), true);
 }
 
+// An outline that dips below a horizon by no more than this angle need not be cut: what is lost is its square.
+const float HARMLESS = 2e-3;
+
+// How far an outline stays above the plane through the centre across the axis, if `asked` (what is returned otherwise means
+// nothing). No branch around the loop, which costs more than the loop on SIMD processors.
+float lowest_vertex(uint i, bool asked, vec3 center, vec3 axis) {
+    uint vertices = asked ? lights.at[i].vertices : 0;
+    float lowest = asked ? 1e30 : -1e30;
+    for (uint v = 0; v < vertices; ++v) lowest = min(lowest, dot(axis, lights.at[i].vertex[v] - center));
+    return lowest;
+}
+
 void main() {
     uint tile = gl_GlobalInvocationID.x;
     if (tile >= tile_count) return;
@@ -121,6 +136,7 @@ void main() {
     vec3 axis = tiles.at[tile].axis;
     float cone_cos = tiles.at[tile].cone_cos;
     float cone_sin = sqrt(max(0.0, 1.0 - cone_cos * cone_cos));
+    float cone_tilt = sqrt(max(0.0, 1.0 - pow(min(cone_cos + CONE_SLACK, 1.0), 2.0)));
     float reach = length(extent);
 
     uint masks[FORMS];
@@ -148,6 +164,10 @@ void main() {
         float across = parallel ? 1.0 : distance;
         bool any_above = cone_cos < 0.0 || best * across + spread > 0.0;
         bool all_above = cone_cos >= 0.0 && worst * across - spread > 0.0;
+        // Near by, the outline itself is asked: the sphere around it stands below many a horizon that it does not.
+        bool near = kind == LIGHT_POLYGON && any_above && !all_above && distance - reach <= 2.0 * far * radius;
+        float tilt = cone_tilt - HARMLESS;
+        if (lowest_vertex(i, near, center, axis) > tiles.at[tile].thickness + tilt * (distance + reach + radius)) all_above = true;
         bool faced = true;
         bool area = kind == LIGHT_POLYGON || kind == LIGHT_DISK;
         float above = -dot(normal, to_light);

@@ -88,13 +88,13 @@ float visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, fl
 }
 
 const float SOFT_FURTHEST = 2.0;
-const vec2 SEARCH[SEARCH_TAPS] = vec2[](vec2(0.0), vec2(0.65, 0.25), vec2(-0.25, 0.65), vec2(-0.65, -0.25), vec2(0.25, -0.65));
-// Two rings, the inner one turned by 45 degrees.
-const vec2 FILTER[FILTER_TAPS] = vec2[](vec2(0.354, 0.0), vec2(0.0, 0.354), vec2(-0.354, 0.0), vec2(0.0, -0.354),
-                                        vec2(0.56, 0.56), vec2(-0.56, 0.56), vec2(-0.56, -0.56), vec2(0.56, -0.56));
+// Taps come in rounds of four, a quarter turn apart: where blockers are searched beside the receiver's own ray, then the two
+// rings of the filter.
+const uint ROUNDS = 1 + FILTER_TAPS / 4;
+const vec2 ROUND[ROUNDS] = vec2[](vec2(0.65, 0.25), vec2(0.354, 0.0), vec2(0.56, 0.56));
 
 // Percentage-closer soft shadows (Fernando 2005) of an emitter of the given radius, zero included: 5 taps find the mean
-// blocker, 8 taps filter over the penumbra it casts, never narrower than a pixel. Each tap is compared with the
+// blocker, and if there is one, 8 taps filter over the penumbra it casts, never narrower than a pixel. Each tap is compared with the
 // receiver's plane, not with the receiver; and what a tap at distance L from the receiver's own ray finds can only cut a
 // ray to the emitter if radius (nearness - 1) >= L, by similar triangles: a wall beside the receiver does not. Where the
 // receiver's own ray is cut, whatever a tap finds counts: a nearer blocker may hide from the map what cuts that ray too.
@@ -105,34 +105,42 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
     vec3 d = at.d;
     float distance = at.range;
     bias = at.bias;
-    vec3 t = normalize(abs(d.x) > abs(d.z) ? vec3(-d.y, d.x, 0.0) : vec3(0.0, -d.z, d.y));
-    vec3 b = cross(d, t) / max(distance, 1e-20);
     vec3 local = to_local(view, d);
     vec3 local_n = to_local(view, n);
+    // Across the receiver's ray, in the view's axes: taps are sums of these.
+    vec3 t = normalize(abs(local.x) > abs(local.z) ? vec3(-local.y, local.x, 0.0) : vec3(0.0, -local.z, local.y));
+    vec3 b = cross(local, t) / max(distance, 1e-20);
     // What lies further away than twice the receiver does not matter: the host draws no more for a receiver's taps.
     at.limit = min(at.limit, SOFT_FURTHEST * distance);
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 
-    float blockers = 0.0, inverse_sum = 0.0;
-    bool cut = false;
-    for (uint i = 0; i < SEARCH_TAPS; ++i) {
-        vec3 e = to_local(view, d + (t * SEARCH[i].x + b * SEARCH[i].y) * reach);
-        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, at), 8.0);
-        bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(SEARCH[i]) * reach - pixel);
-        cut = cut || i == 0 && blocks;
-        blockers += blocks ? 1.0 : 0.0;
-        inverse_sum += blocks ? near : 0.0;
-    }
-    // Penumbra: radius (receiver - blocker) / blocker = radius (nearness - 1).
-    float width = blockers > 0.0 ? radius * (inverse_sum / blockers - 1.0) : 0.0;
-    width = clamp(width, pixel, max(2.0 * radius, pixel));
-    float lit = 0.0;
-    for (uint i = 0; i < FILTER_TAPS; ++i) {
-        vec3 e = to_local(view, d + (t * FILTER[i].x + b * FILTER[i].y) * width);
-        float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, at), 8.0);
-        bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= length(FILTER[i]) * width - pixel);
-        lit += blocks ? 0.0 : 1.0 / float(FILTER_TAPS);
+    float own = min(nearness(depth, offset, size, to_direction(local), local, local_n, at), 8.0);
+    bool cut = own > 1.0 + bias;
+    float blockers = cut ? 1.0 : 0.0, inverse_sum = cut ? own : 0.0;
+    float width = reach, lit = 1.0;
+    uint round = 0;
+    // One loop for both: on SIMD processors its end is the one place where receivers that need no more are left out.
+    for (;;) {
+        vec2 way = (round == 0 ? ROUND[0] : round == 1 ? ROUND[1] : ROUND[2]) * width;
+        vec3 along = t * way.x + b * way.y, across = b * way.x - t * way.y;
+        float least = length(way) - pixel;
+        float found = 0.0, sum = 0.0;
+        [[unroll]] for (uint i = 0; i < 4; ++i) {
+            vec3 e = local + (i < 2 ? 1.0 : -1.0) * ((i & 1) == 0 ? along : across);
+            float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, at), 8.0);
+            bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= least);
+            found += blocks ? 1.0 : 0.0;
+            sum += blocks ? near : 0.0;
+        }
+        if (round == 0) {
+            blockers += found;
+            // Penumbra: radius (receiver - blocker) / blocker = radius (nearness - 1).
+            width = clamp(radius * ((inverse_sum + sum) / max(blockers, 1.0) - 1.0), pixel, max(2.0 * radius, pixel));
+        } else {
+            lit -= found / float(FILTER_TAPS);
+        }
+        if (blockers == 0.0 || ++round == ROUNDS) break;
     }
     return lit;
 }

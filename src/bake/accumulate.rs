@@ -317,10 +317,10 @@ impl AccumulatePass {
 }
 
 /// Invocations of a workgroup: one a texel on a GPU; on a CPU, where every invocation reads a light's record by itself,
-/// four texels share the reading.
+/// as many texels as a workgroup of one vector leaves share the reading.
 fn lanes(gpu: &Gpu) -> u32 {
     if gpu.info().kind == "CPU" {
-        TILE / 4
+        TILE / 8
     } else {
         TILE
     }
