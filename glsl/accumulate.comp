@@ -5,7 +5,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "form_factor.glsl"
-#include "visibility.glsl"
 
 #extension GL_EXT_shader_atomic_int64 : require
 
@@ -14,7 +13,11 @@ layout(local_size_x_id = 2) in;
 layout(constant_id = 0) const uint FORM = FORM_CLIPPED;
 // Percentage-closer soft shadows for direct lights (VPL13 section 6); otherwise one tap.
 layout(constant_id = 1) const bool SOFT = false;
+// Lights are differences between two versions of the scene: geometry is evaluated once, visibility in both.
+layout(constant_id = 3) const bool DIFFERENCE = false;
 const bool AREA = FORM == FORM_POLYGON || FORM == FORM_CLIPPED || FORM == FORM_DISK;
+
+#include "visibility.glsl"
 
 layout(push_constant, scalar) uniform Push {
     Receivers receivers;
@@ -68,10 +71,25 @@ float transfer(Light light, vec3 p, vec3 n, float factor) {
     return height > 1e-5 * light.radius ? max(0.0, factor) / light.area : 0.0;
 }
 
+// Visibility between 0 and 1.
+float smooth_visibility(Light light, View view, vec3 p, vec3 face, Clearance clearance) {
+    if (FORM == FORM_DIRECTIONAL) return parallel_visibility(depth, view, p, face, clearance, bias);
+    return soft_visibility(depth, view, p, face, clearance, light.radius, bias);
+}
+
 // Fixed-point sums of a batch in two halves of 32 bits: 64-bit arithmetic waits until its end. Values beyond 2^49 units
 // (2^21 times the scene's mean irradiance) saturate.
 const float HALF = 16777216.0; // 2^24
 const float MOST = 562949953421312.0; // 2^49
+
+// Adds flux times value, rounded to units, as often as `times` (-1, 0, 1) says. Subtracting is adding the negative: rounding
+// is symmetric.
+void add(vec3 flux, float value, float times, inout ivec3 high, inout ivec3 low) {
+    vec3 units = clamp(round(flux * value), -MOST, MOST) * times;
+    vec3 upper = floor(units / HALF);
+    high += ivec3(upper);
+    low += ivec3(units - upper * HALF);
+}
 
 // Texels of an invocation: what is read of a light serves them all.
 const uint TEXELS = TILE / gl_WorkGroupSize.x;
@@ -91,12 +109,16 @@ void main() {
         clearances[k] = receivers.at[slot].clearance;
         high[k] = low[k] = ivec3(0);
     }
+    Instance instance = instances.at[tiles.at[entry.x].instance];
     uint mask = entry.y;
     for (;;) {
         uint i = uint(findLSB(mask));
         mask &= mask - 1;
         Light light = lights.at[i];
         View front = views.at[light.view];
+        uint other = DIFFERENCE ? views.at[light.other_view].offset : front.offset;
+        float comes = DIFFERENCE ? (stands(instance, light.version) ? 1.0 : 0.0) : float(light.sign);
+        float goes = DIFFERENCE && stands(instance, light.other) ? -1.0 : 0.0;
         vec3 moved[TEXELS];
         float factors[TEXELS];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
@@ -132,6 +154,7 @@ void main() {
             float value = transfer(light, p, n, factors[k]) * scale;
             value = dark ? 0.0 : value;
             View view = front;
+            uint other_offset = other;
             if (FORM == FORM_PUNCTUAL) {
                 // A point has two hemicubes, back to back.
                 View back = views.at[light.kind == LIGHT_POINT ? light.view + 1 : light.view];
@@ -140,21 +163,26 @@ void main() {
                 view.y = behind ? back.y : view.y;
                 view.z = behind ? back.z : view.z;
                 view.offset = behind ? back.offset : view.offset;
+                if (DIFFERENCE) {
+                    uint other_back = views.at[light.kind == LIGHT_POINT ? light.other_view + 1 : light.other_view].offset;
+                    other_offset = behind ? other_back : other_offset;
+                }
             }
-            if (FORM == FORM_DIRECTIONAL) value *= parallel_visibility(depth, view, p, f, clearances[k], bias);
-            else if (SOFT) value *= soft_visibility(depth, view, p, f, clearances[k], light.radius, bias);
-            else value *= visibility(depth, view, p, f, clearances[k], bias);
-            // Subtracting is adding the negative: rounding is symmetric.
-            vec3 units = clamp(round(light.flux * value), -MOST, MOST) * float(light.sign);
-            vec3 upper = floor(units / HALF);
-            high[k] += ivec3(upper);
-            low[k] += ivec3(units - upper * HALF);
+            if (FORM == FORM_DIRECTIONAL || SOFT) {
+                add(light.flux, value * smooth_visibility(light, view, p, f, clearances[k]), comes, high[k], low[k]);
+                view.offset = other_offset;
+                if (DIFFERENCE) add(light.flux, value * smooth_visibility(light, view, p, f, clearances[k]), goes, high[k], low[k]);
+            } else {
+                // Seen or not: whole units either way.
+                vec2 seen = visibility(depth, view, uvec2(view.offset, other_offset), p, f, clearances[k], bias);
+                add(light.flux, value, seen.x * comes + (DIFFERENCE ? seen.y * goes : 0.0), high[k], low[k]);
+            }
         }
         if (mask == 0) break;
     }
     uint start = tiles.at[entry.x].sums * TILE * 3 + first;
     // An object that moved stands in several places at once, in different versions: their tiles meet in the same sums.
-    bool shared_sums = instances.at[tiles.at[entry.x].instance].crowded != 0;
+    bool shared_sums = instance.crowded != 0;
     [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
         [[unroll]] for (uint channel = 0; channel < 3; ++channel) {
             uint slot = start + k * gl_WorkGroupSize.x + channel * TILE;

@@ -96,6 +96,8 @@ struct View {
     uint kind;     // VIEW_*
     float cos_cone; // nothing outside this cone around the pole is asked for
     uint version;
+    uint other;    // the version that its light's other view shows; its own where there is none
+    uint borrows;  // not 0: what stands in both versions is drawn in the view so many before this one, and copied
     // Nothing else matters: both versions of an update see the same there. Hemicube: a cone, its axis and angle (radians,
     // above PI: no limit). Orthographic: a rectangle of the map, its centre and half size.
     vec4 limit;
@@ -110,10 +112,11 @@ struct Light {
     float spot_scale;
     float spot_offset;
     uint kind;      // LIGHT_*
-    int sign;       // +1 adds, -1 subtracts
-    uint view;      // first of its views
+    int sign;       // +1 adds, -1 subtracts; a difference adds what it is in `version` and subtracts what it is in `other`
+    uint view;      // first of its views,
+    uint other_view; // and of those in `other`
     uint version;   // the scene that it shines in
-    uint other;     // the version that its update compares with; its own where the whole light comes or goes
+    uint other;     // the scene that it shone in; the same where the whole light comes or goes
     uint first_region; // boxes of what light passes otherwise in the two
     uint regions;
     vec3 origin;    // where shadows are cast from

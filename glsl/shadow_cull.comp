@@ -8,8 +8,8 @@
 
 layout(local_size_x = 64) in;
 
-// Draws everything; what is drawn first; the rest, unless it is hidden.
-const uint ALL = 0, FIRST = 1, REST = 2;
+// Draws everything; what is drawn first; the rest, unless it is hidden; what one of a light's two versions has alone.
+const uint ALL = 0, FIRST = 1, REST = 2, OWN = 3;
 layout(constant_id = 0) const uint WHICH = ALL;
 // Pixels that a triangle covers on average if its chunk is drawn first. Many small triangles hide little for their cost.
 layout(constant_id = 1) const float PIXELS = 16.0;
@@ -57,7 +57,10 @@ void main() {
     uint chunk = gl_GlobalInvocationID.x;
     uint view = gl_GlobalInvocationID.y;
     if (chunk >= chunk_count) return;
-    if (!stands(instances.at[chunks.at[chunk].instance], views.at[view].version)) return;
+    Instance instance = instances.at[chunks.at[chunk].instance];
+    if (!stands(instance, views.at[view].version)) return;
+    bool in_both = stands(instance, views.at[view].other);
+    if (WHICH == OWN ? in_both : !in_both || views.at[view].borrows != 0) return;
     vec3 offset = chunks.at[chunk].center - views.at[view].origin;
     vec3 extent = chunks.at[chunk].extent;
     if (!matters(view, offset, extent)) return;
@@ -65,7 +68,7 @@ void main() {
     vec3 y = views.at[view].y;
     vec3 z = views.at[view].z;
     bool hemicube = views.at[view].kind == VIEW_HEMICUBE;
-    bool first = WHICH != ALL && hemicube && is_first(view, offset, extent, chunks.at[chunk].count);
+    bool first = (WHICH == FIRST || WHICH == REST) && hemicube && is_first(view, offset, extent, chunks.at[chunk].count);
     if (WHICH == FIRST && !first || WHICH == REST && first) return;
     uint faces = hemicube ? 5 : 1;
     for (uint face = 0; face < faces; ++face) {

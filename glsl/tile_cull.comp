@@ -84,8 +84,7 @@ const float SLACK = 1.01;
 
 // Whether no receiver of the tile sees the light: everything that its lookups can find lies before the receivers' planes.
 // `lowest`: of the tile above the emitter's plane.
-bool occluded(uint i, uint tile, vec3 center, vec3 extent, vec3 axis, float lowest) {
-    uint view = lights.at[i].view;
+bool occluded(uint view, uint tile, vec3 center, vec3 extent, vec3 axis, float lowest) {
     float face_cos = tiles.at[tile].face_cos;
     vec3 offset = center - views.at[view].origin;
     float size = float(views.at[view].size);
@@ -145,9 +144,9 @@ void main() {
         uint kind = lights.at[i].kind;
         uint version = lights.at[i].version;
         uint other = lights.at[i].other;
-        bool here = stands(instance, version);
-        if (here && other != version && stands(instance, other)) here = differs(i, center, extent);
-        if (!here) continue;
+        bool comes = stands(instance, version);
+        bool goes = other != version && stands(instance, other);
+        if (!comes && !goes || comes && goes && !differs(i, center, extent)) continue;
         vec3 normal = lights.at[i].normal;
         vec3 to_light = lights.at[i].position - center;
         float radius = lights.at[i].radius;
@@ -173,7 +172,9 @@ void main() {
         float above = -dot(normal, to_light);
         float around = dot(abs(normal), extent);
         if (area || kind == LIGHT_SPOT) faced = above + around + epsilon > 0.0;
-        if (any_above && faced && area && occlusion != 0) faced = !occluded(i, tile, center, extent, axis, above - around);
+        if (any_above && faced && area && occlusion != 0)
+            faced = comes && !occluded(lights.at[i].view, tile, center, extent, axis, above - around)
+                 || goes && !occluded(lights.at[i].other_view, tile, center, extent, axis, above - around);
         if (any_above && faced) {
             uint form = FORM_DIRECTIONAL;
             if (kind == LIGHT_POINT || kind == LIGHT_SPOT) form = FORM_PUNCTUAL;

@@ -14,10 +14,15 @@ struct Lookup {
     float bias;  // relative slack of the comparison
 };
 
-// How much nearer than the receiver's plane (through `local`, with normal `n`, both in the view's axes) the nearest thing
-// is along the ray of the pixel that `direction` falls into: above 1 it hides the receiver. Measuring at the pixel's own
-// centre keeps a plane from shading itself at any angle.
-float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, vec3 n, Lookup at) {
+// Where a hemicube holds what is seen in a direction, and what turns that into how much nearer it is than a receiver's plane.
+struct Sight {
+    uint pixel;  // from the map's first element
+    float plane; // distance along the pixel's ray
+};
+
+// Along the ray of the pixel that `direction` falls into; the receiver's plane goes through `local` and has the normal `n`,
+// both in the view's axes. Measuring at the pixel's own centre keeps a plane from shading itself at any angle.
+Sight sight(uint size, vec3 direction, vec3 local, vec3 n, Lookup at) {
     vec3 a = abs(direction);
     bool top = direction.z >= max(a.x, a.y);
     bool along_x = a.x >= a.y;
@@ -32,8 +37,7 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
     // Clamped as integers: no direction, not even an undefined one, leads out of the map.
     uint column = min(uint(max((u * inverse + 1.0) * half_size, 0.0)), size - 1);
     uint row = min(uint(max((v * inverse + shift) * half_size, 0.0)), (top ? size : size / 2) - 1);
-    uint start = offset + (top ? 0 : size * size + side * (size * size / 2));
-    float stored = uintBitsToFloat(depth.at[start + row * size + column]);
+    uint start = top ? 0 : size * size + side * (size * size / 2);
     // The pixel's ray is s, t, 1 in the face's axes; the plane's inverse depth along it is n . ray / n . local.
     float s = (float(column) + 0.5) / half_size - 1.0;
     float t = (float(row) + 0.5) / half_size - shift;
@@ -42,7 +46,12 @@ float nearness(Uints depth, uint offset, uint size, vec3 direction, vec3 local, 
     float along = dot(n, ray);
     // What is no nearer than the receiver hides nothing of it, wherever the ray meets its plane, if at all.
     float far = inversesqrt(dot(ray, ray));
-    return stored * (along < 0.0 ? min(plane / along, at.limit * far) : at.range * far);
+    return Sight(start + row * size + column, along < 0.0 ? min(plane / along, at.limit * far) : at.range * far);
+}
+
+// That of what is nearest along the ray: above 1 it hides the receiver.
+float nearness(Uints depth, uint offset, Sight sight) {
+    return uintBitsToFloat(depth.at[offset + sight.pixel]) * sight.plane;
 }
 
 // As far away from what stands beside a receiver it is looked up: pixels' half widths, so that no pixel that the lookup
@@ -80,11 +89,15 @@ vec3 to_direction(vec3 local) {
     return vec3(local.xy, max(local.z, 1e-9));
 }
 
-float visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float bias) {
+// Whether the light is seen in either of two maps of the same place: 1, or 0.
+vec2 visibility(Uints depth, View view, uvec2 offsets, vec3 p, vec3 n, Clearance clearance, float bias) {
     Lookup at = lookup(view, p, n, clearance, INDIRECT_LIFT, bias);
     vec3 local = to_local(view, at.d);
-    float near = nearness(depth, view.offset, view.size, to_direction(local), local, to_local(view, n), at);
-    return near > 1.0 + at.bias ? 0.0 : 1.0;
+    Sight there = sight(view.size, to_direction(local), local, to_local(view, n), at);
+    float most = 1.0 + at.bias;
+    float first = nearness(depth, offsets.x, there) > most ? 0.0 : 1.0;
+    if (!DIFFERENCE) return vec2(first);
+    return vec2(first, nearness(depth, offsets.y, there) > most ? 0.0 : 1.0);
 }
 
 const float SOFT_FURTHEST = 2.0;
@@ -115,7 +128,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 
-    float own = min(nearness(depth, offset, size, to_direction(local), local, local_n, at), 8.0);
+    float own = min(nearness(depth, offset, sight(size, to_direction(local), local, local_n, at)), 8.0);
     bool cut = own > 1.0 + bias;
     float blockers = cut ? 1.0 : 0.0, inverse_sum = cut ? own : 0.0;
     float width = reach, lit = 1.0;
@@ -128,7 +141,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
         float found = 0.0, sum = 0.0;
         [[unroll]] for (uint i = 0; i < 4; ++i) {
             vec3 e = local + (i < 2 ? 1.0 : -1.0) * ((i & 1) == 0 ? along : across);
-            float near = min(nearness(depth, offset, size, to_direction(e), local, local_n, at), 8.0);
+            float near = min(nearness(depth, offset, sight(size, to_direction(e), local, local_n, at)), 8.0);
             bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= least);
             found += blocks ? 1.0 : 0.0;
             sum += blocks ? near : 0.0;

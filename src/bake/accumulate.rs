@@ -44,8 +44,8 @@ pub(super) struct Evaluation {
 /// The accumulation passes, their buffers, and the sums themselves.
 pub(super) struct AccumulatePass {
     cull: Pipeline,
-    /// By form and softness, made when first needed.
-    pipelines: BTreeMap<(u32, bool), Pipeline>,
+    /// By form, softness, and whether lights are differences; made when first needed.
+    pipelines: BTreeMap<(u32, bool, bool), Pipeline>,
     heads: Heads,
     lists: Buffer,
     lights: Buffer,
@@ -69,6 +69,8 @@ pub(super) struct Batch<'a> {
     pub regions: &'a [Region],
     /// Percentage-closer soft shadows.
     pub soft: bool,
+    /// All of them are differences between two versions; otherwise all of them are whole lights.
+    pub difference: bool,
 }
 
 #[repr(C)]
@@ -197,6 +199,7 @@ impl AccumulatePass {
             lights,
             regions,
             soft,
+            difference,
         } = batch;
         assert!(
             lights.len() <= BATCH as usize,
@@ -204,10 +207,9 @@ impl AccumulatePass {
         );
         let forms = forms_of(lights);
         for &form in &forms {
-            if let Entry::Vacant(entry) = self.pipelines.entry((form, soft)) {
-                entry.insert(
-                    gpu.pipeline(shaders::ACCUMULATE, &[form, u32::from(soft), lanes(gpu)])?,
-                );
+            if let Entry::Vacant(entry) = self.pipelines.entry((form, soft, difference)) {
+                let constants = [form, soft.into(), lanes(gpu), difference.into()];
+                entry.insert(gpu.pipeline(shaders::ACCUMULATE, &constants)?);
             }
         }
         let tile_count = receivers.count();
@@ -273,8 +275,8 @@ impl AccumulatePass {
                 },
             };
             cmd.scope(scope_name(form, soft), |cmd| {
-                self.heads
-                    .dispatch(cmd, &self.pipelines[&(form, soft)], &push, form);
+                let pipeline = &self.pipelines[&(form, soft, difference)];
+                self.heads.dispatch(cmd, pipeline, &push, form);
             });
             // The next form may add to the same texels.
             cmd.barrier(Stage::Compute, Stage::Compute);
@@ -317,7 +319,7 @@ impl AccumulatePass {
 }
 
 /// Invocations of a workgroup: one a texel on a GPU; on a CPU, where every invocation reads a light's record by itself,
-/// as many texels as a workgroup of one vector leaves share the reading.
+/// eight texels share the reading.
 fn lanes(gpu: &Gpu) -> u32 {
     if gpu.info().kind == "CPU" {
         TILE / 8

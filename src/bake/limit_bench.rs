@@ -61,7 +61,7 @@ impl Baker {
         let mut touched = 0;
         let there = self.cost(|baker| {
             for (light, from) in &lights {
-                touched += baker.illumination.push_difference(light, *from, to)? / 2;
+                touched += u64::from(baker.illumination.push_difference(light, *from, to)?);
             }
             Ok(())
         })?;

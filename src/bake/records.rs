@@ -112,6 +112,8 @@ pub(super) struct View {
     pub kind: u32,
     pub cos_cone: f32,
     pub version: u32,
+    pub other: u32,
+    pub borrows: u32,
     pub limit: [f32; 4],
 }
 
@@ -129,6 +131,7 @@ pub(super) struct Light {
     pub kind: u32,
     pub sign: i32,
     pub view: u32,
+    pub other_view: u32,
     pub version: u32,
     pub other: u32,
     pub first_region: u32,
@@ -163,7 +166,7 @@ pub(super) struct ShadowSizes {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surroundings<'a> {
     pub version: Version,
-    /// The version that the update compares with; the same where the whole light comes or goes.
+    /// The version that a difference takes the light away from; the same where the whole light comes or goes.
     pub other: Version,
     /// Where the two differ, receivers whose lookups do included.
     pub regions: &'a [Region],
@@ -185,7 +188,8 @@ const LOOKUP: f32 = 3.0;
 /// penumbra (the shader's `soft_visibility`: 2 * 0.79), and a little.
 const WIDEST_TAP: f32 = 1.7;
 
-/// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer.
+/// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer. `sign`: of
+/// whole lights; a difference adds the light as it shines in its version and subtracts it as it shines in the other.
 pub(super) fn record(
     light: &VirtualLight,
     sign: i32,
@@ -199,12 +203,14 @@ pub(super) fn record(
         _ if light.direct => sizes.direct,
         _ => sizes.indirect,
     };
+    let (first_view, first_element) = (views.len(), *offset);
     let mut out = Light {
         position: light.position.to_array(),
         normal: light.normal.to_array(),
         flux: light.flux.to_array(),
         sign,
-        view: views.len() as u32,
+        view: first_view as u32,
+        other_view: first_view as u32,
         version: around.version,
         other: around.other,
         first_region: around.first_occluder,
@@ -233,6 +239,8 @@ pub(super) fn record(
             kind: VIEW_HEMICUBE,
             cos_cone,
             version: around.version,
+            other: around.other,
+            borrows: 0,
             limit,
         });
         *offset += 3 * size * size;
@@ -278,6 +286,17 @@ pub(super) fn record(
     }
     if around.soft {
         out.blur += 2.0 * out.radius;
+    }
+    if around.version != around.other {
+        out.other_view = views.len() as u32;
+        let (span, borrows) = (*offset - first_element, out.other_view - out.view);
+        views.extend_from_within(first_view..);
+        for view in &mut views[out.other_view as usize..] {
+            view.offset += span;
+            std::mem::swap(&mut view.version, &mut view.other);
+            view.borrows = borrows;
+        }
+        *offset += span;
     }
     out
 }
@@ -429,6 +448,8 @@ fn parallel_view(direction: Vec3, size: u32, around: &Surroundings, offset: u32)
         kind: VIEW_ORTHOGRAPHIC,
         cos_cone: -1.0,
         version: around.version,
+        other: around.other,
+        borrows: 0,
         limit: rectangle(origin, [x / reach(x), y / reach(y)], around, size),
     };
     (view, 2.0 * reach(x).max(reach(y)) / size as f32)

@@ -359,7 +359,7 @@ pub(super) fn advance(
         visible: (invalid / all.max(f64::MIN_POSITIVE).sqrt()).max(seen.sqrt()),
         invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
         cost: (2.0 * LIMITED * evaluated).max(LIMITED),
-        lights: 2 * lights.len() as u64,
+        lights: lights.len() as u64,
     }
 }
 

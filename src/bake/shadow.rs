@@ -20,13 +20,13 @@ const SMALL_PIXELS: u32 = 96;
 const FIRST_PIXELS: f32 = 4.0;
 /// Scenes of fewer chunks are drawn at once.
 const FEW_CHUNKS: u32 = 256;
-/// Most views of a batch: points have two.
-const MAX_VIEWS: u64 = 2 * BATCH as u64;
+/// Most views of a batch: points have two, their differences four.
+pub(super) const MAX_VIEWS: u64 = 2 * BATCH as u64;
 
 /// The shadow passes and their buffers.
 pub(super) struct ShadowPass {
-    /// Of everything, of what is drawn first, of the rest.
-    cull: [Pipeline; 3],
+    /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone.
+    cull: [Pipeline; 4],
     blocks_of: Pipeline,
     /// For whole triangles, and for those with cutouts.
     drawings: [Drawing; 2],
@@ -46,6 +46,7 @@ enum Which {
     All,
     First,
     Rest,
+    Own,
 }
 
 /// The passes and lists for one kind of triangle; made when the first one comes.
@@ -145,12 +146,9 @@ impl Drawing {
 impl ShadowPass {
     /// `depth_elements`: pixels that the depth maps of one batch may take together.
     pub(super) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
+        let cull = |which| gpu.pipeline(shaders::SHADOW_CULL, &[which, FIRST_PIXELS.to_bits()]);
         Ok(Self {
-            cull: [
-                gpu.pipeline(shaders::SHADOW_CULL, &[0, FIRST_PIXELS.to_bits()])?,
-                gpu.pipeline(shaders::SHADOW_CULL, &[1, FIRST_PIXELS.to_bits()])?,
-                gpu.pipeline(shaders::SHADOW_CULL, &[2, FIRST_PIXELS.to_bits()])?,
-            ],
+            cull: [cull(0)?, cull(1)?, cull(2)?, cull(3)?],
             blocks_of: gpu.pipeline(shaders::DEPTH_BLOCKS, &[])?,
             drawings: [false, true].map(|masked| Drawing { masked, made: None }),
             heads: Heads::new(gpu, "shadow lists", 4)?,
@@ -214,7 +212,7 @@ impl ShadowPass {
         self.depth.address()
     }
 
-    /// Draws `views`; the maps can be read by compute shaders after the next barrier. `instances`: the table that says
+    /// Draws `views`, those that borrow after those they borrow from; the maps can be read by compute shaders after the next barrier. `instances`: the table that says
     /// which chunks stand in a view's version. `blocks`: [`ShadowPass::blocks`] will be asked for.
     pub(super) fn record(
         &mut self,
@@ -225,12 +223,7 @@ impl ShadowPass {
         views: &[View],
         blocks: bool,
     ) -> Result<()> {
-        let elements: u64 = views
-            .iter()
-            .map(|v| {
-                u64::from(v.size) * u64::from(v.size) * if v.kind == VIEW_HEMICUBE { 3 } else { 1 }
-            })
-            .sum();
+        let elements: u64 = views.iter().map(pixels).sum();
         let faces = |v: &View| if v.kind == VIEW_HEMICUBE { 5 } else { 1 };
         let faces: u64 = views.iter().map(faces).sum();
         let new = [views.len() as u64, faces, faces * occluders.triangles()];
@@ -245,10 +238,27 @@ impl ShadowPass {
             self.find_blocks(cmd, views.len());
             self.draw(gpu, cmd, occluders, instances, views.len(), Which::Rest)?;
         }
+        if views.iter().any(|v| v.borrows != 0) {
+            self.lend(cmd, views);
+            self.draw(gpu, cmd, occluders, instances, views.len(), Which::Own)?;
+        }
         if blocks {
             self.find_blocks(cmd, views.len());
         }
         Ok(())
+    }
+
+    /// Copies what is drawn so far, which stands in both versions of a light, to the views that show it in the other version.
+    fn lend(&self, cmd: &mut Commands, views: &[View]) {
+        cmd.barrier(Stage::Compute, Stage::Transfer);
+        cmd.scope("shadow lend", |cmd| {
+            for (at, view) in views.iter().enumerate().filter(|(_, v)| v.borrows != 0) {
+                let from = u64::from(views[at - view.borrows as usize].offset) * 4;
+                let to = u64::from(view.offset) * 4;
+                cmd.copy(&self.depth, from, &self.depth, to, pixels(view) * 4);
+            }
+        });
+        cmd.barrier(Stage::Transfer, Stage::Compute);
     }
 
     /// What hides, block by block, in the first `views` views as they are drawn so far.
@@ -342,4 +352,10 @@ impl ShadowPass {
         });
         Ok(())
     }
+}
+
+/// Pixels of a view's depth map.
+fn pixels(view: &View) -> u64 {
+    let faces = if view.kind == VIEW_HEMICUBE { 3 } else { 1 };
+    faces * u64::from(view.size) * u64::from(view.size)
 }

@@ -100,6 +100,8 @@ impl ShadowBench {
                     kind: VIEW_HEMICUBE,
                     cos_cone: 0.0,
                     version: 0,
+                    other: 0,
+                    borrows: 0,
                     limit: [0.0, 0.0, 1.0, f32::INFINITY],
                 }
             })

@@ -36,10 +36,26 @@ pub enum Sign {
 #[derive(Clone, Debug)]
 struct Pending {
     light: VirtualLight,
+    /// What becomes of it in its version, if it comes or goes as a whole.
     sign: Sign,
     version: Version,
-    /// The version that the update compares with.
+    /// The version that a difference takes it away from; the same where the whole light comes or goes.
     other: Version,
+}
+
+impl Pending {
+    /// Which passes evaluate it: those for indirect lights or direct ones, for whole lights or differences.
+    fn queue(&self) -> usize {
+        usize::from(self.light.direct) + 2 * usize::from(self.version != self.other)
+    }
+}
+
+/// Lights that fill batches of their own, because other passes evaluate them.
+#[derive(Default)]
+struct Queue {
+    pending: Vec<Pending>,
+    /// Batches of other queues that were sent since.
+    waited: u32,
 }
 
 /// The device side of a bake: occluders, receivers, passes, and the sums they work on.
@@ -51,10 +67,8 @@ pub struct Illumination {
     shadow: ShadowPass,
     accumulate: AccumulatePass,
     sizes: ShadowSizes,
-    /// Indirect lights and direct ones: they are evaluated by different passes, so each fills batches of its own.
-    pending: [Vec<Pending>; 2],
-    /// Batches of the other kind that were sent since.
-    waited: [u32; 2],
+    /// By [`Pending::queue`].
+    queues: [Queue; 4],
     in_flight: VecDeque<Flight>,
     /// Lights per submission, so that it stays below [`SUBMISSION`].
     batch: usize,
@@ -83,7 +97,8 @@ impl Illumination {
         evaluation: Evaluation,
     ) -> Result<Self> {
         let square = |size: u32| u64::from(size) * u64::from(size);
-        let largest = (6 * square(sizes.direct))
+        // A difference has its maps twice.
+        let largest = 2 * (6 * square(sizes.direct))
             .max(square(sizes.sun))
             .max(3 * square(sizes.indirect));
         let elements = (3 * square(sizes.indirect) * u64::from(BATCH))
@@ -100,8 +115,7 @@ impl Illumination {
             gpu: gpu.clone(),
             receivers,
             sizes,
-            pending: [const { Vec::new() }; 2],
-            waited: [0; 2],
+            queues: Default::default(),
             in_flight: VecDeque::new(),
             // Nobody kills what runs on a CPU, and larger batches are faster there too.
             batch: if gpu.info().kind == "CPU" {
@@ -225,33 +239,35 @@ impl Illumination {
 
     /// Brings a light that was added under one version to another: takes it away where the change between the two can
     /// make a difference, and adds it there again. The sums become what they would be had the light been added under `to`,
-    /// bit for bit. Returns how many evaluations that took.
+    /// bit for bit. Returns whether the change can make a difference to it.
     pub fn push_difference(
         &mut self,
         light: &VirtualLight,
         from: Version,
         to: Version,
-    ) -> Result<u64> {
+    ) -> Result<bool> {
         if from == to {
-            return Ok(0);
+            return Ok(false);
         }
         let regions = self.versions.between(from, to).lookups;
         let epsilon = self.accumulate.epsilon();
         if regions.is_empty() || records::misses(light, &self.sizes, &regions, epsilon) {
-            return Ok(0);
+            return Ok(false);
         }
         // A parallel light's depth map spans the whole scene: with other bounds every pixel is another.
         let parallel = matches!(light.shape, Shape::Directional { .. });
-        let whole = parallel && self.versions.bounds(from) != self.versions.bounds(to);
-        for (sign, version, other) in [(Sign::Subtract, from, to), (Sign::Add, to, from)] {
-            self.enter(Pending {
-                light: light.clone(),
-                sign,
-                version,
-                other: if whole { version } else { other },
-            })?;
+        if parallel && self.versions.bounds(from) != self.versions.bounds(to) {
+            self.push(light.clone(), Sign::Subtract, from)?;
+            self.push(light.clone(), Sign::Add, to)?;
+            return Ok(true);
         }
-        Ok(2)
+        self.enter(Pending {
+            light: light.clone(),
+            sign: Sign::Add,
+            version: to,
+            other: from,
+        })?;
+        Ok(true)
     }
 
     pub(super) fn pass(&self) -> &AccumulatePass {
@@ -285,7 +301,7 @@ impl Illumination {
             .collect()
     }
 
-    /// Virtual lights sent so far, subtractions included.
+    /// Virtual lights sent so far, subtractions included; differences count once.
     pub fn lights_sent(&self) -> u64 {
         self.lights.iter().sum()
     }

@@ -175,6 +175,7 @@ pub(super) fn run(
             lights: &records,
             regions: &[],
             soft: false,
+            difference: false,
         };
         pass.record(
             gpu,

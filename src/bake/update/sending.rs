@@ -2,11 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Flight, Illumination, Pending, Sign};
+use super::{Flight, Illumination, Pending, Queue, Sign};
 use crate::bake::accumulate::Batch;
 use crate::bake::records::{self, Region, Surroundings};
+use crate::bake::shadow::MAX_VIEWS;
 use crate::bake::shared::BATCH;
-use crate::cluster::{Shape, VirtualLight};
+use crate::cluster::Shape;
 use crate::gpu::{Result, Stage};
 
 /// No submission on a GPU should run longer: drivers kill those that run for seconds.
@@ -14,24 +15,26 @@ const SUBMISSION: Duration = Duration::from_millis(400);
 /// Submissions in flight: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
 
-/// Batches of one kind that a light of the other kind waits for at most: what comes first is to be seen first.
+/// Batches of other kinds that a light waits for at most: what comes first is to be seen first.
 const PATIENCE: u32 = 2;
 
 impl Illumination {
     pub(super) fn enter(&mut self, new: Pending) -> Result<()> {
-        let queue = usize::from(new.light.direct);
-        let pending = &self.pending[queue];
+        let queue = new.queue();
+        let most = self.batch_limit.unwrap_or(BATCH).max(1) as usize;
+        let pending = &self.queues[queue].pending;
+        let (views, elements) = pending.iter().chain([&new]).fold((0, 0), |sum, p| {
+            let (views, elements) = self.depth_maps(p);
+            (sum.0 + views, sum.1 + elements)
+        });
         let fits = pending.is_empty()
-            || pending.len()
-                < self
-                    .batch
-                    .min(self.batch_limit.map_or(usize::MAX, |n| n.max(1) as usize))
-                && self.elements(pending.iter().map(|p| &p.light)) + self.elements([&new.light])
-                    <= self.shadow.elements();
+            || pending.len() < self.batch.min(most)
+                && views <= MAX_VIEWS
+                && elements <= self.shadow.elements();
         if !fits {
             self.send_queue(queue)?;
         }
-        self.pending[queue].push(new);
+        self.queues[queue].pending.push(new);
         Ok(())
     }
 
@@ -44,33 +47,31 @@ impl Illumination {
         Ok(())
     }
 
-    fn elements<'a>(&self, lights: impl IntoIterator<Item = &'a VirtualLight>) -> u64 {
+    /// Views of a light, and how many pixels they take together.
+    fn depth_maps(&self, pending: &Pending) -> (u64, u64) {
         let square = |size: u32| u64::from(size) * u64::from(size);
-        lights
-            .into_iter()
-            .map(|light| match light.shape {
-                Shape::Directional { .. } => square(self.sizes.sun),
-                Shape::Point => 6 * square(self.sizes.direct),
-                _ => {
-                    3 * square(if light.direct {
-                        self.sizes.direct
-                    } else {
-                        self.sizes.indirect
-                    })
-                }
-            })
-            .sum()
+        let light = &pending.light;
+        let (views, pixels) = match light.shape {
+            Shape::Directional { .. } => (1, square(self.sizes.sun)),
+            Shape::Point => (2, 6 * square(self.sizes.direct)),
+            _ if light.direct => (1, 3 * square(self.sizes.direct)),
+            _ => (1, 3 * square(self.sizes.indirect)),
+        };
+        let versions = 1 + u64::from(pending.version != pending.other);
+        (versions * views, versions * pixels)
     }
 
     /// Sends what is pending, without waiting for it.
     pub fn send(&mut self) -> Result<()> {
         // Direct light first.
-        self.send_queue(1)?;
-        self.send_queue(0)
+        for queue in [1, 3, 0, 2] {
+            self.send_queue(queue)?;
+        }
+        Ok(())
     }
 
     fn send_queue(&mut self, queue: usize) -> Result<()> {
-        if self.pending[queue].is_empty() {
+        if self.queues[queue].pending.is_empty() {
             return Ok(());
         }
         while self.in_flight.len() >= IN_FLIGHT {
@@ -82,10 +83,11 @@ impl Illumination {
         let mut offset = 0;
         let mut regions: Vec<Region> = Vec::new();
         let mut lookups: Vec<Region> = Vec::new();
-        let soft = queue == 1;
+        let (direct, difference) = (queue % 2, queue >= 2);
+        let soft = direct == 1;
         let mut lights = Vec::new();
         let mut between = (0, 0, 0..0);
-        for pending in &self.pending[queue] {
+        for pending in &self.queues[queue].pending {
             let (a, b) = (
                 pending.version.min(pending.other),
                 pending.version.max(pending.other),
@@ -135,6 +137,7 @@ impl Illumination {
             lights: &lights,
             regions: &regions,
             soft,
+            difference,
         };
         self.accumulate.record(
             &self.gpu,
@@ -145,20 +148,21 @@ impl Illumination {
             &batch,
         )?;
         let mut sent = [0; 2];
-        sent[queue] = lights.len() as u64;
+        sent[direct] = lights.len() as u64;
         self.in_flight.push_back(Flight {
             ticket: cmd.submit()?,
             sent: Instant::now(),
             lights: sent,
         });
-        self.lights[queue] += sent[queue];
-        self.pending[queue].clear();
-        self.waited[queue] = 0;
-        let other = 1 - queue;
-        if !self.pending[other].is_empty() {
-            self.waited[other] += 1;
-            if self.waited[other] >= PATIENCE {
-                return self.send_queue(other);
+        self.lights[direct] += sent[direct];
+        self.queues[queue] = Queue::default();
+        for other in 0..self.queues.len() {
+            let waiting = &mut self.queues[other];
+            if !waiting.pending.is_empty() {
+                waiting.waited += 1;
+                if waiting.waited >= PATIENCE {
+                    self.send_queue(other)?;
+                }
             }
         }
         Ok(())
@@ -182,7 +186,8 @@ impl Illumination {
 
     /// Lights taken in, indirect and direct ones, and of these those that are in the map.
     pub(in crate::bake) fn taken_and_done(&self) -> ([u64; 2], [u64; 2]) {
-        let taken = [0, 1].map(|q| self.lights[q] + self.pending[q].len() as u64);
+        let waiting = |q: usize| self.queues[q].pending.len() + self.queues[q + 2].pending.len();
+        let taken = [0, 1].map(|q| self.lights[q] + waiting(q) as u64);
         let flying = |q: usize| self.in_flight.iter().map(|f| f.lights[q]).sum::<u64>();
         (taken, [0, 1].map(|q| self.lights[q] - flying(q)))
     }
