@@ -82,6 +82,22 @@ pub(super) fn intercepted(light: &VirtualLight, region: &Region) -> f64 {
     }
 }
 
+/// Which part of what a light looks over lies towards a box: how much of its depth map and of what it lights is evaluated again.
+pub(super) fn covered(light: &VirtualLight, region: &Region) -> f64 {
+    let sine = match light.shape {
+        Shape::Directional { .. } => return 0.0,
+        _ => {
+            Vec3::from(region.extent).length() / Vec3::from(region.center).distance(light.position)
+        }
+    };
+    // A cone's share of the hemisphere.
+    if sine < 1.0 {
+        1.0 - (1.0 - f64::from(sine * sine)).sqrt()
+    } else {
+        1.0
+    }
+}
+
 pub(super) fn lumens(flux: Vec3) -> f64 {
     (f64::from(flux.x) + f64::from(flux.y) + f64::from(flux.z)) / 3.0
 }

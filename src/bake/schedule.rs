@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::brightness::Brightness;
-use super::estimate::{Shining, alone, intercepted, lumens, shining, shown, unlike};
+use super::estimate::{Shining, alone, covered, intercepted, lumens, shining, shown, unlike};
 use super::records::Region;
 use super::versions::Version;
 use crate::cluster::{CellId, Selected, VirtualLight};
@@ -90,7 +90,7 @@ pub enum Priority {
     Paths,
 }
 
-/// What advancing a light costs of evaluating it twice: it is limited to the shadows of what changed.
+/// What advancing a light costs at least, of evaluating it: it is limited to the shadows of what changed.
 const LIMITED: f64 = 0.1;
 /// What a direct light costs of an indirect one: its maps are finer, and its shadows softer.
 const DIRECT: f64 = 4.0;
@@ -351,14 +351,15 @@ pub(super) fn advance(
     // Lumens that are spread over what the regions show.
     let all: f64 = regions.iter().map(shown).sum();
     let gain = invalid.max(met);
-    let evaluated: f64 = lights.iter().map(cost).sum();
+    let part = |l: &VirtualLight| regions.iter().map(|r| covered(l, r)).sum::<f64>().min(1.0);
+    let evaluated = |l| cost(l) * (LIMITED + (1.0 - LIMITED) * part(l));
     Update {
         kind: Kind::Validation,
         what: What::Advance(cell),
         gain,
         visible: (invalid / all.max(f64::MIN_POSITIVE).sqrt()).max(seen.sqrt()),
         invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
-        cost: (2.0 * LIMITED * evaluated).max(LIMITED),
+        cost: lights.iter().map(evaluated).sum::<f64>().max(LIMITED),
         lights: lights.len() as u64,
     }
 }

@@ -98,9 +98,10 @@ impl Illumination {
     ) -> Result<Self> {
         let square = |size: u32| u64::from(size) * u64::from(size);
         // A difference has its maps twice.
-        let largest = 2 * (6 * square(sizes.direct))
-            .max(square(sizes.sun))
-            .max(3 * square(sizes.indirect));
+        let largest = 2
+            * (6 * square(sizes.direct))
+                .max(square(sizes.sun))
+                .max(3 * square(sizes.indirect));
         let elements = (3 * square(sizes.indirect) * u64::from(BATCH))
             .min(DEPTH_ELEMENTS)
             .max(largest);
