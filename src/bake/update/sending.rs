@@ -77,14 +77,14 @@ impl Illumination {
         while self.in_flight.len() >= IN_FLIGHT {
             self.retire()?;
         }
-        let lights = self.pending[queue].len();
-        let _span = tracing::debug_span!("record batch", lights, direct = queue == 1).entered();
+        let (direct, difference) = (queue % 2, queue >= 2);
+        let soft = direct == 1;
+        let lights = self.queues[queue].pending.len();
+        let _span = tracing::debug_span!("record batch", lights, soft, difference).entered();
         let mut views = Vec::new();
         let mut offset = 0;
         let mut regions: Vec<Region> = Vec::new();
         let mut lookups: Vec<Region> = Vec::new();
-        let (direct, difference) = (queue % 2, queue >= 2);
-        let soft = direct == 1;
         let mut lights = Vec::new();
         let mut between = (0, 0, 0..0);
         for pending in &self.queues[queue].pending {
