@@ -1,7 +1,7 @@
 //! `rebake` bakes lightmaps from glTF scenes by many-light global illumination, and updates them when the scene is edited.
 //!
 //! The modules stand in the order of the data's way; dependencies run one way:
-//! `trace` <- `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake` <- `bench`, `view`.
+//! `trace` <- `gpu`, `scene` <- `lightmap`, `transport` <- `cluster` <- `bake` <- `view` <- `bench`.
 //!
 //! ```text
 //! glTF -> scene -> unwrap -> texels                          what is lit, and where its light is kept
@@ -26,6 +26,6 @@ pub mod cluster;
 
 pub mod bake;
 
-pub mod bench;
-
 pub mod view;
+
+pub mod bench;

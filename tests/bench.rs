@@ -25,10 +25,15 @@ fn every_part_is_measured_and_compared() {
         folder.path().join("old.json"),
         folder.path().join("new.json"),
     );
-    let output = rebake(&format!("{TINY} -o"), &[&old]);
+    let plots = folder.path().join("plots");
+    let output = rebake(&format!("{TINY} -o"), &[&old, Path::new("--plots"), &plots]);
     assert!(output.status.success(), "{}", said(&output));
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("IBGI table 1") && text.contains("#T_uv"));
+    for name in ["accumulation-ms", "cells-per-second", "response"] {
+        let plot = plots.join(format!("cornell-{name}.png"));
+        assert!(image::open(&plot).is_ok(), "{}", plot.display());
+    }
     let first = figures(&old);
     let scene = &first["scenes"][0];
     let series: Vec<_> = scene["series"].as_array().unwrap().iter().collect();
@@ -53,6 +58,7 @@ fn every_part_is_measured_and_compared() {
         "T_uv",
         "move: updates",
         "wall: 95 % gone after",
+        "frame, device",
         "move: limited updates are cheaper",
     ] {
         let figure = all.iter().find(|f| f["name"] == name);

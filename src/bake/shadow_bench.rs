@@ -1,4 +1,4 @@
-//! Draws depth maps from random points of a scene and measures it, for `benches/shadow.rs`.
+//! Draws depth maps from random points of a scene and measures it, for `rebake bench` and `benches/passes.rs`.
 
 use std::time::Instant;
 

@@ -82,6 +82,49 @@ pub struct Point {
     pub figures: Vec<Figure>,
 }
 
+/// The straight line through some points that misses them by least, each miss taken relative to the point's value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Where it meets 0 of what is varied.
+    pub at_zero: f64,
+    /// What one more of what is varied costs.
+    pub slope: f64,
+    /// The furthest that a point lies from it, of the point's value.
+    pub worst: f64,
+}
+
+impl Series {
+    /// How much like a straight line one of the figures is; none of fewer than three points above 0.
+    pub fn line(&self, figure: usize) -> Option<Line> {
+        let points = self.points.iter();
+        let points: Vec<(f64, f64)> = points
+            .map(|p| (p.at, p.figures[figure].median))
+            .filter(|(x, y)| x.is_finite() && *y > 0.0)
+            .collect();
+        if points.len() < 3 {
+            return None;
+        }
+        let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+            points.iter().map(|&(x, y)| of(x, y) / (y * y)).sum()
+        };
+        let (n, x, y) = (sum(&|_, _| 1.0), sum(&|x, _| x), sum(&|_, y| y));
+        let (xx, xy) = (sum(&|x, _| x * x), sum(&|x, y| x * y));
+        let determinant = n * xx - x * x;
+        if determinant <= 0.0 {
+            return None;
+        }
+        let slope = (n * xy - x * y) / determinant;
+        let at_zero = (y - slope * x) / n;
+        let miss = |&(x, y): &(f64, f64)| ((at_zero + slope * x - y) / y).abs();
+        let worst = points.iter().map(miss).fold(0.0, f64::max);
+        Some(Line {
+            at_zero,
+            slope,
+            worst,
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,5 +136,24 @@ mod tests {
         assert_eq!((f.min, f.median, f.max, f.runs), (1.0, 2.0, 3.0, 3));
         assert_eq!(of(&[4.0, 1.0, 2.0, 3.0]).median, 2.5);
         assert_eq!(Figure::count("n", 7.0).median, 7.0);
+    }
+
+    #[test]
+    fn lines_go_through_what_lies_on_them() {
+        let series = |y: &dyn Fn(f64) -> f64| Series {
+            name: "s".into(),
+            over: "n".into(),
+            points: [1.0, 10.0, 1000.0]
+                .map(|at| Point {
+                    at,
+                    figures: vec![Figure::count("y", y(at))],
+                })
+                .to_vec(),
+        };
+        let line = series(&|x| 3.0 + 0.5 * x).line(0).unwrap();
+        assert!((line.at_zero - 3.0).abs() < 1e-9 && (line.slope - 0.5).abs() < 1e-9);
+        assert!(line.worst < 1e-9);
+        assert!(series(&|x| x * x).line(0).unwrap().worst > 0.5);
+        assert_eq!(series(&|_| 0.0).line(0), None);
     }
 }

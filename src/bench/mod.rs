@@ -3,6 +3,7 @@
 
 mod compare;
 mod figure;
+mod frames;
 mod limits;
 mod response;
 mod sweeps;
@@ -13,9 +14,10 @@ use serde::{Deserialize, Serialize};
 use crate::bake::{BakeError, Job, ScriptError};
 use crate::gpu::{Gpu, GpuError};
 use crate::scene::{SceneError, builtin};
+use crate::view::ViewError;
 
 pub use compare::{Comparison, compare};
-pub use figure::{Better, Figure, Point, Series};
+pub use figure::{Better, Figure, Line, Point, Series};
 pub use response::Scenario;
 
 /// What is measured.
@@ -131,6 +133,9 @@ pub enum BenchError {
     /// A script.
     #[error(transparent)]
     Script(#[from] ScriptError),
+    /// A picture.
+    #[error(transparent)]
+    View(#[from] ViewError),
     /// Files that scripts of built-in scenes name.
     #[error("writing to the folder for temporary files: {0} (TMPDIR chooses another)")]
     Temporary(#[from] std::io::Error),

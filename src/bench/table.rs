@@ -16,10 +16,14 @@ struct Run {
 
 impl Bench<'_> {
     pub(super) fn table(&mut self) -> Result<(), BenchError> {
+        let mut last_baker = None;
         let runs = self.repeat("bake", || {
+            // Its memory goes before the next one takes some.
+            last_baker = None;
             let before = self.gpu.timings();
             let (scene, document) = (self.scene.clone(), self.document.clone());
             let baked = bake(self.gpu, scene, document, &self.plan.job, &Silent)?;
+            last_baker = Some(baked.baker);
             Ok(Run {
                 report: baked.report,
                 passes: since(self.gpu, &before),
@@ -99,6 +103,9 @@ impl Bench<'_> {
             of("host memory", "MiB", Better::Lower, &|r| {
                 r.report.memory.host_peak.unwrap_or(0) as f64 / f64::from(1 << 20)
             });
+        }
+        if let Some(mut baker) = last_baker {
+            self.frames(&mut baker)?;
         }
         Ok(())
     }

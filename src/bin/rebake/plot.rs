@@ -32,6 +32,20 @@ pub fn convergence(
     script: &[(usize, Command)],
     rebake: Option<&[Moment]>,
 ) -> anyhow::Result<Vec<u8>> {
+    png(SIZE, |area| draw(replay, script, rebake, area))
+}
+
+/// What is drawn on.
+pub type Area<'a> = DrawingArea<BitMapBackend<'a>, plotters::coord::Shift>;
+
+/// A white picture of some size that `draw` draws on, as PNG. Its font is "sans-serif".
+///
+/// # Errors
+/// The encoder's, the font's, or `draw`'s.
+pub fn png(
+    size: (u32, u32),
+    draw: impl FnOnce(&Area) -> Result<(), Box<dyn std::error::Error>>,
+) -> anyhow::Result<Vec<u8>> {
     // Known to the whole process; a second time changes nothing.
     register_font(
         "sans-serif",
@@ -39,11 +53,17 @@ pub fn convergence(
         epaint_default_fonts::UBUNTU_LIGHT,
     )
     .map_err(|_| anyhow::anyhow!("the plot's font cannot be read"))?;
-    let mut pixels = vec![0u8; 3 * SIZE.0 as usize * SIZE.1 as usize];
-    draw(replay, script, rebake, &mut pixels)
-        .map_err(|error| anyhow::anyhow!("drawing the plot: {error}"))?;
+    let mut pixels = vec![0u8; 3 * size.0 as usize * size.1 as usize];
+    let drawn = {
+        let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
+        let cleared = area.fill(&WHITE).map_err(Into::into);
+        cleared
+            .and_then(|()| draw(&area))
+            .and_then(|()| Ok(area.present()?))
+    };
+    drawn.map_err(|error| anyhow::anyhow!("drawing the plot: {error}"))?;
     let mut png = Vec::new();
-    RgbImage::from_raw(SIZE.0, SIZE.1, pixels)
+    RgbImage::from_raw(size.0, size.1, pixels)
         .context("the plot has another size")?
         .write_to(&mut Cursor::new(&mut png), ImageFormat::Png)
         .context("encoding the plot")?;
@@ -94,7 +114,7 @@ fn draw(
     replay: &Replay,
     script: &[(usize, Command)],
     rebake: Option<&[Moment]>,
-    pixels: &mut [u8],
+    area: &Area,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let curves = curves(replay, rebake);
     let points = || curves.iter().flat_map(|c| &c.points);
@@ -116,10 +136,8 @@ fn draw(
         whole(high.log10().ceil()),
     );
 
-    let area = BitMapBackend::with_buffer(pixels, SIZE).into_drawing_area();
-    area.fill(&WHITE)?;
     let span = along(0.0)..along(last.max(2.0 * SOONEST));
-    let mut chart = ChartBuilder::on(&area)
+    let mut chart = ChartBuilder::on(area)
         .caption(
             format!("{} updates in {:.2} s", replay.updates, replay.seconds),
             ("sans-serif", 22),
@@ -180,7 +198,6 @@ fn draw(
         .background_style(WHITE.mix(0.8))
         .label_font(("sans-serif", 15))
         .draw()?;
-    area.present()?;
     Ok(())
 }
 

@@ -22,6 +22,9 @@ pub struct Bench {
     /// Write all figures as JSON
     #[arg(short, long, value_name = "JSON")]
     pub output: Option<PathBuf>,
+    /// Draw every sweep, and how maps follow edits, as PNG files in this folder
+    #[arg(long, value_name = "DIR")]
+    pub plots: Option<PathBuf>,
     /// Print the ratios to an earlier run's figures, and fail where one has got worse
     #[arg(long, value_name = "JSON")]
     pub compare: Option<PathBuf>,

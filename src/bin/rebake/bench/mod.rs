@@ -2,6 +2,7 @@
 
 mod args;
 mod grid;
+mod plots;
 mod tables;
 
 use std::path::Path;
@@ -26,6 +27,9 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
     let console = Console::new(args);
     // Before hours of work, not after.
     let old = command.compare.as_deref().map(read).transpose()?;
+    if let Some(folder) = &command.plots {
+        std::fs::create_dir_all(folder).with_context(|| format!("--plots {}", folder.display()))?;
+    }
     let gpu = Gpu::new(&GpuOptions {
         device: args.device.clone(),
         validate: args.validate,
@@ -73,6 +77,11 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
     if let Some(path) = &command.output {
         write_whole(path, &json)?;
         console.say(&path.display().to_string())?;
+    }
+    if let Some(folder) = &command.plots {
+        for file in plots::write(folder, &figures)? {
+            console.say(&file.display().to_string())?;
+        }
     }
     if args.json {
         print(String::from_utf8_lossy(&json))?;

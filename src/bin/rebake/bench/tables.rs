@@ -46,7 +46,20 @@ fn of_series(scene: &str, series: &Series) -> String {
         let cells = point.figures.iter().map(spread);
         grid.row(std::iter::once(number(point.at)).chain(cells));
     }
-    grid.to_string()
+    let timed = (0..figures.len()).filter(|&i| figures[i].better == Better::Lower);
+    let lines = timed.filter_map(|i| {
+        let line = series.line(i)?;
+        let Figure { name, unit, .. } = &figures[i];
+        Some(format!(
+            "\n  {name}: {} {unit} + {} {unit} per 1000 {}, within {:.0} %",
+            number(line.at_zero),
+            number(1e3 * line.slope),
+            series.over,
+            100.0 * line.worst
+        ))
+    });
+    let lines: String = lines.collect();
+    format!("{grid}{lines}")
 }
 
 fn spread(f: &Figure) -> String {
@@ -68,11 +81,13 @@ pub fn overview(scenes: &[SceneFigures]) -> String {
         "triangles",
         "lights",
         "texels",
+        "frame [ms]",
         "VL [ms]",
         "paths / bounces",
         "clusters",
         "VLs",
         "update size",
+        "fps",
         "updates/s",
         "#T_uv",
         "#P_uv",
@@ -93,10 +108,16 @@ pub fn overview(scenes: &[SceneFigures]) -> String {
                 .map(|f| f.median)
                 .collect();
             match all.len() {
-                0 => "-".into(),
-                n => number(all.iter().sum::<f64>() / n as f64),
+                0 => None,
+                n => Some(all.iter().sum::<f64>() / n as f64),
             }
         };
+        let text = |value: Option<f64>| value.map_or_else(|| "-".into(), number);
+        // One update between two pictures.
+        let frame = find("frame, device").map(|f| 1e-3 * f.median);
+        let fps = frame
+            .zip(mean("updates"))
+            .map(|(frame, updates)| 1.0 / (frame + 1.0 / updates));
         let paths = match (find("paths"), find("VPLs")) {
             (Some(paths), Some(vpls)) => format!(
                 "{} / {:.1}",
@@ -110,12 +131,14 @@ pub fn overview(scenes: &[SceneFigures]) -> String {
             of("triangles"),
             of("lights"),
             of("texels"),
+            of("frame, device"),
             of("virtual light"),
             paths,
             of("clusters"),
             of("virtual lights"),
-            mean("update size"),
-            mean("updates"),
+            text(mean("update size")),
+            text(fps),
+            text(mean("updates")),
             of("T_uv"),
             of("P_uv"),
             of("stage: texels"),
