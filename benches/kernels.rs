@@ -18,9 +18,9 @@ use rebake::scene::edit::Change;
 use rebake::scene::{Scene, builtin};
 use rebake::transport::emission::mean;
 use rebake::transport::intersect::offset;
-use rebake::transport::paths::{PathSet, PathSettings, Vpl, trace};
+use rebake::transport::paths::{PathSet, PathSettings, trace};
 use rebake::transport::sampling::{Sequence, cosine_hemisphere};
-use rebake::transport::{SceneBvh, Validator};
+use rebake::transport::{SceneBvh, Validator, Vpl};
 
 /// Paths of the larger kernels.
 const PATHS: u32 = 1 << 15;
