@@ -5,6 +5,10 @@
 #include "view_mesh.glsl"
 
 layout(constant_id = 0) const uint LOOK = LOOK_LIT;
+// What a material has: without a discard, depth is tested before anything is looked up.
+layout(constant_id = 1) const bool MASKED = true;
+layout(constant_id = 2) const bool COLOR_IMAGE = true;
+layout(constant_id = 3) const bool EMITS = true;
 
 layout(set = 0, binding = 0) uniform sampler2DArray color_image;
 layout(set = 0, binding = 1) uniform sampler2DArray emission_image;
@@ -32,11 +36,11 @@ float checker(vec2 at, vec2 extent) {
 void main() {
     Surface s = surfaces.at[surface];
     Picture p = picture.it;
-    vec4 base = texture(color_image, vec3(color_uv, 0.0)) * vec4(s.color, s.alpha);
-    if (base.a < s.cutoff) discard;
+    vec4 base = vec4(s.color, s.alpha);
+    if (COLOR_IMAGE) base *= texture(color_image, vec3(color_uv, 0.0));
+    if (MASKED && base.a < s.cutoff) discard;
     float page = placed.at[object].page;
     vec3 light = texture(lightmap, vec3(light_uv, page)).rgb * p.lux;
-    vec3 emission = texture(emission_image, vec3(emission_uv, 0.0)).rgb * s.emission;
     if (LOOK == LOOK_UNBAKED) {
         // Stands in until there is a map: a sky above, a darker ground, and a lamp at the eye.
         vec3 n = normalize(normal);
@@ -62,6 +66,8 @@ void main() {
     } else if (LOOK == LOOK_LUX) {
         color = vec4(vec3(min(dot(light, LUMINANCE) / LUX_STEP, MOST)), 1.0);
     } else {
-        color = vec4(min((base.rgb / PI * light + emission) * p.exposure, MOST), 1.0);
+        vec3 seen = base.rgb / PI * light;
+        if (EMITS) seen += texture(emission_image, vec3(emission_uv, 0.0)).rgb * s.emission;
+        color = vec4(min(seen * p.exposure, MOST), 1.0);
     }
 }

@@ -303,3 +303,36 @@ fn says_in_a_line_what_is_wrong() {
         "{said}"
     );
 }
+
+#[test]
+fn walking_and_editing_again_and_again_takes_no_more_memory() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let stats = folder.path().join("stats.json");
+    let frames = folder.path().join("frames");
+    let walk = root.join("assets/walks/endurance.jsonl");
+    let scene = cornell();
+    let out = Command::new(env!("CARGO_BIN_EXE_viewer"))
+        .args([text(&scene), "--headless", "--script", text(&walk)])
+        .args(["--frames-dir", text(&frames), "--stats", text(&stats)])
+        .args(["--size", "160x90", "--quality", "draft", "--texels", "4k"])
+        .args(["--for", "12"])
+        .output()
+        .expect("the viewer starts");
+    assert!(
+        out.status.success(),
+        "{}",
+        String::from_utf8_lossy(&out.stderr)
+    );
+    let stats = std::fs::read_to_string(stats).expect("statistics");
+    let stats: serde_json::Value = serde_json::from_str(&stats).expect("JSON");
+    let memory = stats["memory"].as_array().expect("a list");
+    let held = |i: usize, key: &str| memory[i][key].as_f64().expect("bytes") / 1e6;
+    assert!(memory.len() >= 4, "too slow to tell: {memory:?}");
+    // The first rounds fill caches and pools.
+    let (early, last) = (memory.len() / 2, memory.len() - 1);
+    let device = [early, last].map(|i| held(i, "device_bytes"));
+    assert!(device[1] <= device[0] * 1.01, "device, MB: {device:?}");
+    let host = [early, last].map(|i| held(i, "host_bytes"));
+    assert!(host[1] <= host[0] * 1.05 + 4.0, "host, MB: {host:?}");
+}

@@ -60,7 +60,7 @@ impl Commands {
         let attachment = |image: &Image| {
             vk::RenderingAttachmentInfo::default()
                 .image_view(image.view)
-                .image_layout(vk::ImageLayout::GENERAL)
+                .image_layout(image.drawn_layout())
         };
         let mut color = attachment(targets.color).store_op(if targets.resolve.is_some() {
             vk::AttachmentStoreOp::DONT_CARE
@@ -87,7 +87,7 @@ impl Commands {
             color = color
                 .resolve_mode(vk::ResolveModeFlags::AVERAGE)
                 .resolve_image_view(resolve.view)
-                .resolve_image_layout(vk::ImageLayout::GENERAL);
+                .resolve_image_layout(resolve.drawn_layout());
         }
         let colors = [color];
         let area = vk::Rect2D {
@@ -135,6 +135,15 @@ impl Commands {
             max_depth: 1.0,
         }];
         let raw = self.raw();
+        let depth = targets.depth.map(|depth| depth.image);
+        let images: Vec<&Image> = [Some(targets.color), targets.resolve, depth]
+            .into_iter()
+            .flatten()
+            .filter(|image| image.layout() != image.drawn_layout())
+            .collect();
+        for image in &images {
+            self.transition(image, image.layout(), image.drawn_layout(), Stage::All);
+        }
         // SAFETY: the command buffer is recording; views and structures are alive.
         unsafe {
             self.device().cmd_begin_rendering(raw, &info);
@@ -149,6 +158,9 @@ impl Commands {
         let result = record(&mut drawing);
         // SAFETY: as above.
         unsafe { self.device().cmd_end_rendering(raw) };
+        for image in &images {
+            self.transition(image, image.drawn_layout(), image.layout(), Stage::All);
+        }
         result
     }
 
@@ -160,6 +172,17 @@ impl Commands {
         to: vk::ImageLayout,
         stage: Stage,
     ) {
+        self.transition_levels(image, 0..image.mips(), [from, to], stage);
+    }
+
+    /// As [`Commands::transition`], some levels alone.
+    pub(super) fn transition_levels(
+        &mut self,
+        image: &Image,
+        levels: Range<u32>,
+        [from, to]: [vk::ImageLayout; 2],
+        stage: Stage,
+    ) {
         let access = vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE;
         let barriers = [vk::ImageMemoryBarrier2::default()
             .src_stage_mask(stage.flags())
@@ -169,7 +192,7 @@ impl Commands {
             .old_layout(from)
             .new_layout(to)
             .image(image.handle)
-            .subresource_range(image.range())];
+            .subresource_range(image.levels(levels))];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: the command buffer is recording, the image is alive.
         unsafe { self.device().cmd_pipeline_barrier2(self.raw(), &info) };

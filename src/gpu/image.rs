@@ -1,4 +1,5 @@
-//! Images. They stay in one layout, `GENERAL`, for life.
+//! Images. Each has a layout of its own, the one that it is mostly used in, and is in it whenever no command works on it: whatever
+//! uses it in another one brings it there and back. So threads may record in any order.
 
 use std::ops::Range;
 
@@ -95,7 +96,7 @@ impl Gpu {
         cmd.transition(
             &image,
             vk::ImageLayout::UNDEFINED,
-            vk::ImageLayout::GENERAL,
+            image.layout(),
             Stage::All,
         );
         // In order with everything that follows on the queue.
@@ -229,6 +230,26 @@ impl Image {
         })
     }
 
+    /// The layout that it is in whenever no command works on it.
+    pub(super) fn layout(&self) -> vk::ImageLayout {
+        match self.options.format {
+            Format::Depth => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
+            // Never sampled: more than one sample, or a window's.
+            _ if self.options.samples > 1 || self.allocation.is_none() => {
+                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
+            }
+            _ => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+        }
+    }
+
+    /// The layout that it is drawn into in.
+    pub(super) fn drawn_layout(&self) -> vk::ImageLayout {
+        match self.options.format {
+            Format::Depth => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
+            _ => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+        }
+    }
+
     /// Pixels.
     pub fn size(&self) -> [u32; 2] {
         self.options.size
@@ -269,11 +290,12 @@ impl Image {
         &self.name
     }
 
-    pub(super) fn range(&self) -> vk::ImageSubresourceRange {
+    /// All layers of some levels.
+    pub(super) fn levels(&self, levels: Range<u32>) -> vk::ImageSubresourceRange {
         vk::ImageSubresourceRange {
             aspect_mask: self.options.format.aspect(),
-            base_mip_level: 0,
-            level_count: vk::REMAINING_MIP_LEVELS,
+            base_mip_level: levels.start,
+            level_count: levels.len() as u32,
             base_array_layer: 0,
             layer_count: vk::REMAINING_ARRAY_LAYERS,
         }

@@ -90,16 +90,14 @@ impl Commands {
         if size.contains(&0) {
             return;
         }
+        let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        self.transition(to, to.layout(), layout, Stage::All);
         // SAFETY: the region lies inside the image; the caller speaks for the buffer.
         unsafe {
-            self.device().cmd_copy_buffer_to_image(
-                self.raw(),
-                from,
-                to.handle,
-                vk::ImageLayout::GENERAL,
-                &region,
-            );
+            self.device()
+                .cmd_copy_buffer_to_image(self.raw(), from, to.handle, layout, &region);
         }
+        self.transition(to, layout, to.layout(), Stage::All);
     }
 
     /// Copies an image's first layer into a buffer, row after row.
@@ -137,16 +135,19 @@ impl Commands {
                 depth: 1,
             },
         }];
+        let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+        self.transition(from, from.layout(), layout, Stage::All);
         // SAFETY: the region lies inside the image and fits into the buffer.
         unsafe {
             self.device().cmd_copy_image_to_buffer(
                 self.raw(),
                 from.handle,
-                vk::ImageLayout::GENERAL,
+                layout,
                 to.raw.handle,
                 &region,
             );
         }
+        self.transition(from, layout, from.layout(), Stage::All);
     }
 
     /// Scales a whole image into another one, linearly between texels.
@@ -172,18 +173,30 @@ impl Commands {
             dst_subresource: to.part(to_level, 0..1),
             dst_offsets: corners(to.mip_size(to_level)),
         }];
-        let layout = vk::ImageLayout::GENERAL;
+        let (read, written) = (
+            vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+            vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+        );
+        let ends = [(from, from_level, read), (to, to_level, written)];
+        for (image, level, layout) in ends {
+            let change = [image.layout(), layout];
+            self.transition_levels(image, level..level + 1, change, Stage::All);
+        }
         // SAFETY: both regions are whole levels.
         unsafe {
             self.device().cmd_blit_image(
                 self.raw(),
                 from.handle,
-                layout,
+                read,
                 to.handle,
-                layout,
+                written,
                 &region,
                 vk::Filter::LINEAR,
             );
+        }
+        for (image, level, layout) in ends {
+            let change = [layout, image.layout()];
+            self.transition_levels(image, level..level + 1, change, Stage::All);
         }
     }
 }

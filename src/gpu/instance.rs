@@ -58,7 +58,7 @@ pub(super) struct Instance {
 
 unsafe extern "system" fn on_message(
     severity: vk::DebugUtilsMessageSeverityFlagsEXT,
-    kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    _: vk::DebugUtilsMessageTypeFlagsEXT,
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user: *mut c_void,
 ) -> vk::Bool32 {
@@ -75,11 +75,6 @@ unsafe extern "system" fn on_message(
             &*user.cast::<Messages>(),
         )
     };
-    // Images stay in one layout, on purpose.
-    if kind == vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE && text.contains("instead of GENERAL")
-    {
-        return vk::FALSE;
-    }
     if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) {
         tracing::error!("validation: {text}");
     } else {

@@ -242,6 +242,11 @@ impl Gpu {
             .collect()
     }
 
+    /// The bytes that live buffers and images hold.
+    pub fn live_bytes(&self) -> u64 {
+        self.0.allocated.load(Ordering::Relaxed)
+    }
+
     /// An error if the validation layer has said anything since the last call.
     pub fn check_validation(&self) -> Result<()> {
         self.0

@@ -11,7 +11,7 @@ use super::image::{Format, Image};
 use super::queue::Garbage;
 use super::{Gpu, Ticket};
 
-/// Frames that the device may be behind: with the one that is drawn, input is seen two frames later at most.
+/// Frames that the device may be behind.
 const BEHIND: usize = 2;
 /// How long to wait for the window system to give an image back, nanoseconds.
 const PATIENCE: u64 = 100_000_000;
@@ -31,6 +31,8 @@ pub struct Swapchain {
     /// What was submitted last for each.
     tickets: [Option<Ticket>; BEHIND],
     turn: usize,
+    /// Pictures sent so far.
+    sent: u64,
     /// Signalled when an image is drawn, by image.
     drawn: Vec<vk::Semaphore>,
     format: vk::SurfaceFormatKHR,
@@ -83,6 +85,7 @@ impl Gpu {
                 free: [vk::Semaphore::null(); BEHIND],
                 tickets: [const { None }; BEHIND],
                 turn: 0,
+                sent: 0,
                 drawn: Vec::new(),
                 format: vk::SurfaceFormatKHR::default(),
                 size,
@@ -170,6 +173,23 @@ impl Swapchain {
         }
     }
 
+    /// Pictures sent so far.
+    pub fn sent(&self) -> u64 {
+        self.sent
+    }
+
+    /// Of these, how many the device has finished: as far as this program can know, they have been seen.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn finished(&self) -> Result<u64> {
+        let mut behind = 0;
+        for ticket in self.tickets.iter().flatten() {
+            behind += u64::from(!ticket.is_done()?);
+        }
+        Ok(self.sent - behind)
+    }
+
     /// What a frame is drawn into.
     pub fn image(&self, frame: &Frame) -> &Image {
         &self.images[frame.index as usize]
@@ -177,8 +197,9 @@ impl Swapchain {
 
     /// Makes the frame's image ready to be drawn into; recorded before anything else that touches it.
     pub fn begin(&self, cmd: &mut Commands, frame: &Frame) {
-        let (from, to) = (vk::ImageLayout::UNDEFINED, vk::ImageLayout::GENERAL);
-        cmd.transition(self.image(frame), from, to, Stage::All);
+        let image = self.image(frame);
+        let from = vk::ImageLayout::UNDEFINED;
+        cmd.transition(image, from, image.layout(), Stage::All);
     }
 
     /// Sends what was recorded, and shows the image when it is done.
@@ -186,11 +207,13 @@ impl Swapchain {
     /// # Errors
     /// A lost window or device.
     pub fn present(&mut self, mut cmd: Commands, frame: Frame) -> Result<Ticket> {
-        let (from, to) = (vk::ImageLayout::GENERAL, vk::ImageLayout::PRESENT_SRC_KHR);
-        cmd.transition(self.image(&frame), from, to, Stage::All);
+        let image = self.image(&frame);
+        let to = vk::ImageLayout::PRESENT_SRC_KHR;
+        cmd.transition(image, image.layout(), to, Stage::All);
         let drawn = self.drawn[frame.index as usize];
         let ticket = cmd.submit_for_window(self.free[self.turn], drawn)?;
         self.tickets[self.turn] = Some(ticket.clone());
+        self.sent += 1;
         self.turn = (self.turn + 1) % BEHIND;
         let (waits, swapchains, indices) = ([drawn], [self.raw], [frame.index]);
         let info = vk::PresentInfoKHR::default()

@@ -103,7 +103,7 @@ impl Gpu {
                     [vk::DescriptorImageInfo {
                         sampler: sampler.raw,
                         image_view: image.view,
-                        image_layout: vk::ImageLayout::GENERAL,
+                        image_layout: image.layout(),
                     }]
                 })
                 .collect();

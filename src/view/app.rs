@@ -3,7 +3,7 @@
 mod open;
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use winit::application::ApplicationHandler;
 use winit::event::WindowEvent;
@@ -13,14 +13,10 @@ use winit::window::WindowId;
 use super::ViewError;
 use crate::bake::Job;
 use crate::gpu::GpuOptions;
-use open::Open;
+use open::{Next, Open};
 
 /// Between two looks at the scene's file.
 const FILE_WATCH: Duration = Duration::from_secs(1);
-/// While nothing moves, frames take this share of the time at most: the rest is the bake's.
-const IDLE_SHARE: u32 = 8;
-/// While nothing moves, frames follow each other no faster.
-const IDLE_PAUSE: Duration = Duration::from_millis(33);
 
 /// What the window is to show.
 pub struct WindowOptions {
@@ -116,35 +112,19 @@ impl ApplicationHandler for App {
             }
             _ => {}
         }
-        if open.frames.take_event(&open.window, &event) {
-            open.window.request_redraw();
-        }
+        open.asked |= open.frames.take_event(&open.window, &event);
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let Some(open) = &mut self.open else { return };
-        if open.live {
-            open.window.request_redraw();
-            event_loop.set_control_flow(ControlFlow::Wait);
-            return;
-        }
-        let now = Instant::now();
-        let mut wake = now + FILE_WATCH;
-        if let Some(wanted) = open.egui_wants {
-            wake = wake.min(wanted);
-            open.dirty |= wanted <= now;
-        }
-        if open.dirty {
-            let due = open.last + (open.cost * IDLE_SHARE).max(IDLE_PAUSE);
-            if due <= now {
-                open.dirty = false;
+        match open.next_frame(&self.options) {
+            Ok(Next::Now) => {
                 open.window.request_redraw();
-            } else {
-                wake = wake.min(due);
+                event_loop.set_control_flow(ControlFlow::Wait);
             }
+            Ok(Next::At(when)) => event_loop.set_control_flow(ControlFlow::WaitUntil(when)),
+            Err(error) => self.fail(event_loop, error),
         }
-        open.watch(&self.options);
-        event_loop.set_control_flow(ControlFlow::WaitUntil(wake));
     }
 }
 

@@ -1,17 +1,20 @@
 //! A picture of the scene, pass by pass: surfaces lit by the map, the mean of their samples, marks, tone mapping.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat4, Vec2, Vec4};
+use glam::Mat4;
 
 use super::camera::Pose;
 use super::exposure::Exposure;
+use super::geometry::Kind;
 use super::look::Look;
 use super::marker::{Marker, Marks};
 use super::metering::Metering;
 use super::shaders;
+use super::shot::Shot;
 use super::shown::Shown;
 use crate::gpu::{
     Address, Blend, Buffer, Commands, DepthTarget, DepthUse, Drawing, Edge, Format, Gpu,
@@ -59,7 +62,9 @@ struct Canvas {
 pub struct Display {
     gpu: Gpu,
     samples: u32,
-    meshes: BTreeMap<Look, GraphicsPipeline>,
+    meshes: BTreeMap<(Look, Kind, u32), GraphicsPipeline>,
+    /// By samples.
+    pages: BTreeMap<u32, GraphicsPipeline>,
     tones: BTreeMap<(Look, bool), GraphicsPipeline>,
     canvas: Option<Canvas>,
     shown: Option<Arc<Shown>>,
@@ -69,63 +74,10 @@ pub struct Display {
     nearest: f32,
     metering: Metering,
     marks: Option<Arc<Marks>>,
-    marker: Option<(Marker, [u32; 2], Format)>,
+    /// By samples.
+    markers: BTreeMap<u32, Marker>,
     /// Exposure of the next picture.
     pub exposure: Exposure,
-}
-
-/// What a picture is to be.
-#[derive(Clone, Copy, Debug)]
-pub struct Shot {
-    /// Where from.
-    pub pose: Pose,
-    /// What of.
-    pub look: Look,
-    /// What both ends of the false colours stand for.
-    pub scale: [f32; 2],
-    /// How a page is laid out, where one is looked at.
-    pub page: PageShot,
-}
-
-/// How a page of the lightmap is laid out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PageShot {
-    /// From 0.
-    pub page: u32,
-    /// What lies in the middle, as shares of width and height.
-    pub center: Vec2,
-    /// How much larger than what fits into the picture.
-    pub zoom: f32,
-}
-
-impl Default for PageShot {
-    fn default() -> Self {
-        Self {
-            page: 0,
-            center: Vec2::splat(0.5),
-            zoom: 1.0,
-        }
-    }
-}
-
-impl PageShot {
-    /// Pixels per texel in a picture of a size.
-    pub fn pixels_per_texel(&self, size: Vec2, page_size: f32) -> f32 {
-        0.94 * self.zoom * size.min_element() / page_size
-    }
-
-    /// Texels to clip space.
-    fn clip(&self, size: [u32; 2], page_size: f32) -> Mat4 {
-        let size = Vec2::new(size[0] as f32, size[1] as f32);
-        let scale = self.pixels_per_texel(size, page_size) * 2.0 / size;
-        let at = self.center * page_size;
-        Mat4::from_cols(
-            Vec4::X * scale.x,
-            Vec4::Y * -scale.y,
-            Vec4::ZERO,
-            Vec4::new(-at.x * scale.x, at.y * scale.y, 0.5, 1.0),
-        )
-    }
 }
 
 impl Display {
@@ -134,6 +86,7 @@ impl Display {
         Ok(Self {
             samples: gpu.samples(),
             meshes: BTreeMap::new(),
+            pages: BTreeMap::new(),
             tones: BTreeMap::new(),
             canvas: None,
             shown: None,
@@ -143,7 +96,7 @@ impl Display {
             nearest: 1e-2,
             metering: Metering::new(gpu)?,
             marks: None,
-            marker: None,
+            markers: BTreeMap::new(),
             exposure: Exposure::default(),
             gpu: gpu.clone(),
         })
@@ -176,8 +129,11 @@ impl Display {
 
     /// Records a picture into `target`, which is as large as the picture is to be.
     pub fn record(&mut self, cmd: &mut Commands, target: &Image, shot: &Shot) -> Result<()> {
-        self.fit(target.size())?;
-        self.prepare(shot.look, target.format())?;
+        // What is coarse is blurred anyhow.
+        let samples = if shot.coarse > 1 { 1 } else { self.samples };
+        let size = target.size().map(|s| s.div_ceil(shot.coarse.max(1)));
+        self.fit(size, samples)?;
+        self.prepare(shot.look, target.format(), samples)?;
         let canvas = self.canvas.as_ref().expect("made above");
         let shown = self.shown.clone();
         let pages = shown.as_ref().map(|s| &s.pages);
@@ -204,7 +160,7 @@ impl Display {
             cmd.upload(&self.surfaces, 0, &shown.geometry.surfaces)?;
         }
         cmd.barrier(Stage::Transfer, Stage::Draw);
-        let marked = self.marks.as_ref().zip(self.marker.as_ref());
+        let marked = self.marks.as_ref().zip(self.markers.get(&samples));
         let targets = Targets {
             color: canvas.samples.as_ref().unwrap_or(&canvas.radiance),
             resolve: canvas.samples.as_ref().map(|_| &*canvas.radiance),
@@ -218,20 +174,21 @@ impl Display {
         cmd.scope("view surfaces", |cmd| {
             cmd.draw(&targets, |drawing| match (&shown, shot.look) {
                 (Some(shown), Look::Page) => {
-                    let pipeline = &self.meshes[&shot.look];
-                    drawing.pipeline(pipeline);
-                    if let Some(page) = &shown.materials.page {
+                    if let (Some(pipeline), Some(page)) =
+                        (self.pages.get(&samples), &shown.materials.page)
+                    {
+                        drawing.pipeline(pipeline);
                         drawing.textures(pipeline, page);
                         drawing.push(&self.picture.address());
                         drawing.vertices(0..6);
                     }
                 }
-                (Some(shown), look) => self.draw_surfaces(drawing, shown, &clip, look),
+                (Some(shown), _) => self.draw_surfaces(drawing, shown, &clip, shot, samples),
                 (None, _) => {}
             });
         });
         cmd.barrier(Stage::Draw, Stage::All);
-        if let Some((marks, (marker, ..))) = marked {
+        if let Some((marks, marker)) = marked {
             marker.record(cmd, marks, self.picture.address(), &canvas.depth);
             cmd.barrier(Stage::Draw, Stage::All);
         }
@@ -248,7 +205,7 @@ impl Display {
                 drawing.textures(tone, &canvas.read);
                 drawing.push(&self.picture.address());
                 drawing.vertices(0..3);
-                if let Some((_, (marker, ..))) = marked {
+                if let Some((_, marker)) = marked {
                     marker.lay_over(drawing);
                 }
             });
@@ -256,13 +213,20 @@ impl Display {
         Ok(())
     }
 
-    fn draw_surfaces(&self, drawing: &mut Drawing, shown: &Shown, clip: &Mat4, look: Look) {
-        let pipeline = &self.meshes[&look];
-        drawing.pipeline(pipeline);
-        let (mut material, mut sides) = (None, None);
-        for draw in &shown.geometry.draws {
-            if !shown.geometry.sees(draw.object, clip) {
-                continue;
+    fn draw_surfaces(
+        &self,
+        drawing: &mut Drawing,
+        shown: &Shown,
+        clip: &Mat4,
+        shot: &Shot,
+        samples: u32,
+    ) {
+        let (mut kind, mut material, mut sides) = (None, None, None);
+        for draw in shown.geometry.seen(shot.pose.position, clip) {
+            let wanted = draw.kind.for_look(shot.look);
+            let pipeline = &self.meshes[&(shot.look, wanted, samples)];
+            if kind.replace(wanted) != Some(wanted) {
+                drawing.pipeline(pipeline);
             }
             if material.replace(draw.material) != Some(draw.material) {
                 drawing.textures(pipeline, &shown.materials.sets[draw.material as usize]);
@@ -314,8 +278,9 @@ impl Display {
         self.metering.take(wait)
     }
 
-    fn fit(&mut self, size: [u32; 2]) -> Result<()> {
-        if self.canvas.as_ref().is_some_and(|c| c.size == size) {
+    fn fit(&mut self, size: [u32; 2], samples: u32) -> Result<()> {
+        let fits = |c: &Canvas| c.size == size && c.depth.samples() == samples;
+        if self.canvas.as_ref().is_some_and(fits) {
             return Ok(());
         }
         let image = |name: &str, samples, format| {
@@ -329,46 +294,57 @@ impl Display {
             self.gpu.image(name, &options)
         };
         let radiance = Arc::new(image("radiance", 1, Format::Rgba16F)?);
-        let nearest = Arc::new(self.gpu.sampler(false, [Edge::Clamp; 2])?);
+        let linear = Arc::new(self.gpu.sampler(true, [Edge::Clamp; 2])?);
         self.canvas = Some(Canvas {
             size,
-            samples: match self.samples {
+            samples: match samples {
                 1 => None,
                 samples => Some(image("samples", samples, Format::Rgba16F)?),
             },
-            depth: image("depth", self.samples, Format::Depth)?,
-            read: self.gpu.textures(&[(Arc::clone(&radiance), nearest)])?,
+            depth: image("depth", samples, Format::Depth)?,
+            read: self.gpu.textures(&[(Arc::clone(&radiance), linear)])?,
             radiance,
         });
         Ok(())
     }
 
-    fn prepare(&mut self, look: Look, format: Format) -> Result<()> {
-        let constants = [look.constant()];
+    fn prepare(&mut self, look: Look, format: Format, samples: u32) -> Result<()> {
         let size = self.canvas.as_ref().map_or([1; 2], |c| c.size);
-        let marked = (size, format);
-        if self.marks.is_some() && self.marker.as_ref().map(|m| (m.1, m.2)) != Some(marked) {
-            let marker = Marker::new(&self.gpu, size, self.samples, format)?;
-            self.marker = Some((marker, size, format));
+        if self.marks.is_some() {
+            let marker = match self.markers.entry(samples) {
+                Entry::Occupied(there) => there.into_mut(),
+                Entry::Vacant(none) => none.insert(Marker::new(&self.gpu, samples, format)?),
+            };
+            marker.fit(size)?;
         }
-        if !self.meshes.contains_key(&look) {
-            let page = look == Look::Page;
+        let surfaces = GraphicsOptions {
+            format: Format::Rgba16F,
+            samples,
+            textures: 4,
+            depth: DepthUse::Write,
+            blend: Blend::Replace,
+            topology: Topology::Triangles,
+        };
+        if look == Look::Page && !self.pages.contains_key(&samples) {
+            let (vert, frag) = (shaders::VIEW_PAGE_VERT, shaders::VIEW_PAGE_FRAG);
             let options = GraphicsOptions {
-                format: Format::Rgba16F,
-                samples: self.samples,
-                textures: if page { 1 } else { 4 },
-                depth: DepthUse::Write,
-                blend: Blend::Replace,
-                topology: Topology::Triangles,
+                textures: 1,
+                ..surfaces
             };
-            let pipeline = if page {
-                let (vert, frag) = (shaders::VIEW_PAGE_VERT, shaders::VIEW_PAGE_FRAG);
-                self.gpu.graphics(vert, frag, &[], &options)?
-            } else {
-                let (vert, frag) = (shaders::VIEW_MESH_VERT, shaders::VIEW_MESH_FRAG);
-                self.gpu.graphics(vert, frag, &constants, &options)?
-            };
-            self.meshes.insert(look, pipeline);
+            let pipeline = self.gpu.graphics(vert, frag, &[], &options)?;
+            self.pages.insert(samples, pipeline);
+        }
+        let draws = self.shown.iter().flat_map(|shown| &shown.geometry.draws);
+        for draw in draws.filter(|_| look != Look::Page) {
+            let kind = draw.kind.for_look(look);
+            if self.meshes.contains_key(&(look, kind, samples)) {
+                continue;
+            }
+            let [masked, image, emits] = kind.constants();
+            let constants = [look.constant(), masked, image, emits];
+            let (vert, frag) = (shaders::VIEW_MESH_VERT, shaders::VIEW_MESH_FRAG);
+            let pipeline = self.gpu.graphics(vert, frag, &constants, &surfaces)?;
+            self.meshes.insert((look, kind, samples), pipeline);
         }
         let key = (look, format == Format::Bgra8);
         if !self.tones.contains_key(&key) {
@@ -381,6 +357,7 @@ impl Display {
                 topology: Topology::Triangles,
             };
             let (vert, frag) = (shaders::VIEW_SCREEN_VERT, shaders::VIEW_TONE_FRAG);
+            let constants = [look.constant()];
             let pipeline = self.gpu.graphics(vert, frag, &constants, &options)?;
             self.tones.insert(key, pipeline);
         }

@@ -8,10 +8,12 @@ use egui::ViewportId;
 use winit::event::WindowEvent;
 use winit::window::Window;
 
-use super::display::{Display, Shot};
-use super::headless::write_png;
+use super::display::Display;
 use super::look::Look;
+use super::pace::{Pace, Photon};
 use super::painter::Painter;
+use super::picture_file::write_picture;
+use super::shot::Shot;
 use super::shown::Shown;
 use super::state::Viewer;
 use super::worker::{Request, Status};
@@ -35,6 +37,9 @@ pub(super) struct Frames {
     passes_before: Vec<crate::gpu::Timing>,
     screenshots: u32,
     device_time: Duration,
+    pace: Pace,
+    /// How coarse the last frame was.
+    coarse: u32,
 }
 
 /// What a frame came to.
@@ -75,6 +80,8 @@ impl Frames {
             passes_before: Vec::new(),
             screenshots: 0,
             device_time: Duration::ZERO,
+            pace: Pace::default(),
+            coarse: 1,
         })
     }
 
@@ -82,8 +89,35 @@ impl Frames {
         self.swapchain.resize(size);
     }
 
+    /// Whether the last frame has been seen: only then the next one begins, so that it answers to all that came before.
+    pub(super) fn is_seen(&mut self) -> Result<bool, ViewError> {
+        let seen = self.swapchain.finished()?;
+        self.pace.seen(seen);
+        Ok(seen == self.swapchain.sent())
+    }
+
+    /// Whether input is on its way into the picture.
+    pub(super) fn answers(&self) -> bool {
+        self.pace.waits()
+    }
+
+    /// How soon frames answer to input.
+    pub(super) fn photon(&self) -> Photon {
+        self.pace.photon()
+    }
+
     /// Whether the event asks for a frame.
     pub(super) fn take_event(&mut self, window: &Window, event: &WindowEvent) -> bool {
+        let input = matches!(
+            event,
+            WindowEvent::KeyboardInput { .. }
+                | WindowEvent::MouseInput { .. }
+                | WindowEvent::MouseWheel { .. }
+                | WindowEvent::CursorMoved { .. }
+        );
+        if let (true, Ok(seen)) = (input, self.swapchain.finished()) {
+            self.pace.event(seen);
+        }
         self.events.on_window_event(window, event).repaint
             || matches!(event, WindowEvent::Resized(_))
     }
@@ -111,6 +145,7 @@ impl Frames {
         status: &Status,
     ) -> Result<Drawn, ViewError> {
         let input = self.events.take_egui_input(window);
+        self.pace.taken_in(self.swapchain.sent() + 1);
         self.measured(viewer)?;
         let outcome = viewer.frame(&self.egui, input, shown, bvh, status);
         let output = outcome.output;
@@ -133,7 +168,10 @@ impl Frames {
             return Ok(drawn);
         };
         let primitives = self.egui.tessellate(output.shapes, output.pixels_per_point);
+        let timings = self.gpu.timings();
+        self.coarse = self.pace.coarse(outcome.live, self.coarse, &timings);
         let shot = Shot {
+            coarse: self.coarse,
             pose: viewer.pose,
             look: viewer.look_of(shown, status),
             scale: viewer.scale_of(viewer.look, shown),
@@ -242,7 +280,7 @@ impl Frames {
                 break path;
             }
         };
-        match write_png(&path, size, &pixels) {
+        match write_picture(&path, size, &pixels) {
             Ok(()) => Note::said(format!("saved {}", path.display())),
             Err(error) => Note::failed(error.to_string()),
         }

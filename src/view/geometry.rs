@@ -7,9 +7,10 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, Mat4, Vec2, Vec3};
 
+use super::look::Look;
 use crate::gpu::{Buffer, Commands, Gpu, Memory, Result, Sides, Stage};
 use crate::lightmap::{Atlas, UvLayout};
-use crate::scene::{AlphaMode, Bounds, Mesh, Scene, TextureRef};
+use crate::scene::{AlphaMode, Bounds, Material, Mesh, Scene, TextureRef};
 
 /// As in `view_scene.glsl`.
 #[repr(C)]
@@ -61,13 +62,47 @@ pub(super) struct Draw {
     pub material: u32,
     pub indices: Range<u32>,
     pub sides: Sides,
+    pub kind: Kind,
+}
+
+/// What a material needs of its shader.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Kind {
+    /// Some of it is not there: comes last, when what hides it has been drawn.
+    pub masked: bool,
+    pub color_image: bool,
+    pub emits: bool,
+}
+
+impl Kind {
+    fn of(material: &Material) -> Self {
+        Self {
+            masked: material.alpha != AlphaMode::Opaque,
+            color_image: material.base_color_texture.is_some(),
+            emits: material.emission != Vec3::ZERO,
+        }
+    }
+
+    /// What a look needs of it.
+    pub(super) fn for_look(self, look: Look) -> Self {
+        let colors = matches!(look, Look::Lit | Look::Unbaked);
+        Self {
+            masked: self.masked,
+            color_image: self.color_image && (colors || self.masked),
+            emits: self.emits && look == Look::Lit,
+        }
+    }
+
+    /// As the shader's constants.
+    pub(super) fn constants(self) -> [u32; 3] {
+        [self.masked, self.color_image, self.emits].map(u32::from)
+    }
 }
 
 /// All that is drawn of a scene.
 #[derive(Default)]
 pub(super) struct Geometry {
     parts: BTreeMap<(usize, usize), Arc<Part>>,
-    /// By material, so that images are bound seldom.
     pub draws: Vec<Draw>,
     pub placed: Vec<Placed>,
     pub surfaces: Vec<Surface>,
@@ -116,6 +151,7 @@ impl Geometry {
                 };
                 new.draws.push(Draw {
                     sides,
+                    kind: Kind::of(&scene.materials[*material as usize]),
                     part: Arc::clone(&part),
                     object: o,
                     material: *material,
@@ -126,7 +162,6 @@ impl Geometry {
         }
         cmd.barrier(Stage::Transfer, Stage::All);
         let _in_order = cmd.submit()?;
-        new.draws.sort_by_key(|d| d.material);
         new.surfaces = scene
             .materials
             .iter()
@@ -143,8 +178,24 @@ impl Geometry {
         Ok(new)
     }
 
+    /// What may be seen, the nearest first, so that little is shaded in vain; what can be seen through comes last.
+    pub(super) fn seen(&self, eye: Vec3, clip: &Mat4) -> Vec<&Draw> {
+        let away = |b: &Bounds| (eye - eye.clamp(b.min, b.max)).length_squared();
+        let mut seen: Vec<(bool, f32, &Draw)> = self
+            .draws
+            .iter()
+            .filter(|draw| self.sees(draw.object, clip))
+            .map(|draw| {
+                let bounds = &self.bounds[draw.object as usize];
+                (draw.kind.masked, away(bounds), draw)
+            })
+            .collect();
+        seen.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        seen.into_iter().map(|(.., draw)| draw).collect()
+    }
+
     /// Whether any of an object may be seen.
-    pub(super) fn sees(&self, object: u32, clip: &Mat4) -> bool {
+    fn sees(&self, object: u32, clip: &Mat4) -> bool {
         let b = &self.bounds[object as usize];
         let corners = (0..8).map(|i| {
             let pick = |axis: usize| {

@@ -1,19 +1,23 @@
 //! Pictures without a window: a script of edits, cameras and frames, played to PNG files.
 
+mod endurance;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::ViewError;
 use super::camera::{FOV_Y, Pose};
 use super::caption::Caption;
-use super::display::{Display, PageShot, Shot};
+use super::display::Display;
 use super::legend::Legend;
 use super::look::{Look, Overlay};
 use super::overlays::{Overlays, Sketch};
+use super::picture_file::write_picture;
 use super::reference::Reference;
 use super::resolve::Pages;
 use super::script::{Line, View};
+use super::shot::{PageShot, Shot};
 use super::shown::Shown;
 use super::state::ERROR_SCALE;
 use super::textures::Samplers;
@@ -21,6 +25,8 @@ use crate::bake::{Baker, Limit};
 use crate::gpu::{Format, Gpu, Image, ImageOptions};
 use crate::lightmap::viewpoint;
 use crate::scene::edit::{Command, Until};
+
+pub use endurance::MemoryUse;
 
 /// What headless pictures are to be.
 #[derive(Clone)]
@@ -33,6 +39,8 @@ pub struct HeadlessOptions {
     pub folder: PathBuf,
     /// What the light is held against.
     pub reference: Option<Arc<Reference>>,
+    /// JPEG files instead of PNG.
+    pub jpeg: bool,
 }
 
 /// Seconds between two pictures of a film: exposure follows the light at that pace.
@@ -56,6 +64,11 @@ pub struct Headless<'a> {
     changed: bool,
     scale: Option<[f32; 2]>,
     frames: u32,
+    /// Milliseconds that pictures took.
+    frame_ms: Vec<f32>,
+    updates: u64,
+    start: Instant,
+    memory: Vec<MemoryUse>,
 }
 
 impl<'a> Headless<'a> {
@@ -95,6 +108,7 @@ impl<'a> Headless<'a> {
                 look: Look::Lit,
                 scale: pages.view().scale(),
                 page: PageShot::default(),
+                coarse: 1,
             },
             caption: Caption::new(gpu, target.format())?,
             overlays: Overlays::default(),
@@ -108,6 +122,10 @@ impl<'a> Headless<'a> {
             changed: true,
             scale: None,
             frames: 0,
+            frame_ms: Vec::new(),
+            updates: 0,
+            start: Instant::now(),
+            memory: Vec::new(),
         })
     }
 
@@ -127,6 +145,11 @@ impl<'a> Headless<'a> {
             })?;
         }
         Ok(self.frames)
+    }
+
+    /// Pictures of the last round.
+    pub fn frames(&self) -> u32 {
+        self.frames
     }
 
     fn command(&mut self, command: &Command, folder: &Path) -> Result<(), ViewError> {
@@ -243,7 +266,7 @@ impl<'a> Headless<'a> {
             None => Limit::Time(self.options.frame),
         };
         if !self.baker.is_converged() {
-            self.baker.step(limit)?;
+            self.updates += self.baker.step(limit)?.updates;
             self.stale = true;
         }
         Ok(())
@@ -300,11 +323,12 @@ impl<'a> Headless<'a> {
             .collect();
         self.take(FILM_STEP, &legends)?;
         let pixels = self.target.read::<u8>()?;
+        let ending = if self.options.jpeg { "jpg" } else { "png" };
         let path = self
             .options
             .folder
-            .join(format!("frame_{:05}.png", self.frames));
-        write_png(&path, self.options.size, &pixels)?;
+            .join(format!("frame_{:05}.{ending}", self.frames));
+        write_picture(&path, self.options.size, &pixels)?;
         self.frames += 1;
         Ok(())
     }
@@ -317,6 +341,7 @@ impl<'a> Headless<'a> {
     }
 
     fn take(&mut self, seconds: f32, legends: &[Legend]) -> Result<(), ViewError> {
+        let start = Instant::now();
         let mut cmd = self.baker.gpu().commands()?;
         self.shot.scale = self.scale();
         self.display.record(&mut cmd, &self.target, &self.shot)?;
@@ -334,6 +359,7 @@ impl<'a> Headless<'a> {
         } else {
             ticket.wait()?;
         }
+        self.frame_ms.push(start.elapsed().as_secs_f32() * 1e3);
         Ok(())
     }
 }
@@ -348,19 +374,4 @@ pub(super) fn first_pose(scene: &crate::scene::Scene) -> Pose {
             ..Pose::of(&viewpoint::choose(scene), distance)
         },
     }
-}
-
-/// Writes RGBA bytes as an RGB PNG file.
-pub(super) fn write_png(path: &Path, size: [u32; 2], pixels: &[u8]) -> Result<(), ViewError> {
-    let rgb: Vec<u8> = pixels
-        .chunks_exact(4)
-        .flat_map(|p| [p[0], p[1], p[2]])
-        .collect();
-    let failed = |cause| ViewError::Write {
-        path: path.into(),
-        cause,
-    };
-    let bytes = crate::lightmap::compare::png(&rgb, size[0], size[1])
-        .map_err(|e| failed(std::io::Error::other(e)))?;
-    std::fs::write(path, bytes).map_err(failed)
 }

@@ -7,8 +7,8 @@ use bytemuck::{Pod, Zeroable};
 use super::shaders;
 use crate::gpu::{
     Address, Blend, Buffer, Commands, DepthTarget, DepthUse, Drawing, Edge, Format, Gpu,
-    GraphicsOptions, GraphicsPipeline, Image, ImageOptions, Memory, Result, Stage, Targets,
-    Textures, Topology,
+    GraphicsOptions, GraphicsPipeline, Image, ImageOptions, Memory, Result, Sampler, Stage,
+    Targets, Textures, Topology,
 };
 
 /// A line, or a point: as in `view_marks.glsl`.
@@ -74,6 +74,14 @@ pub(super) struct Marker {
     solid: GraphicsPipeline,
     veils: GraphicsPipeline,
     over: GraphicsPipeline,
+    samples: u32,
+    sampler: Arc<Sampler>,
+    sheet: Option<Sheet>,
+    gpu: Gpu,
+}
+
+/// What marks are drawn into.
+struct Sheet {
     /// More than one sample a pixel; none where that is not offered.
     samples: Option<Image>,
     image: Arc<Image>,
@@ -81,20 +89,8 @@ pub(super) struct Marker {
 }
 
 impl Marker {
-    /// For pictures of a size, shown in targets of a format.
-    pub(super) fn new(gpu: &Gpu, size: [u32; 2], samples: u32, target: Format) -> Result<Self> {
-        let image = |name, samples| {
-            let options = ImageOptions {
-                size,
-                layers: 1,
-                mips: false,
-                samples,
-                format: Format::Rgba8,
-            };
-            gpu.image(name, &options)
-        };
-        let plain = Arc::new(image("marks", 1)?);
-        let sampler = Arc::new(gpu.sampler(false, [Edge::Clamp; 2])?);
+    /// For targets of a format.
+    pub(super) fn new(gpu: &Gpu, samples: u32, target: Format) -> Result<Self> {
         let marks = GraphicsOptions {
             format: Format::Rgba8,
             samples,
@@ -121,13 +117,40 @@ impl Marker {
             solid: gpu.graphics(shapes, frag, &[], &hiding)?,
             veils: gpu.graphics(shapes, frag, &[], &marks)?,
             over: gpu.graphics(screen, over_frag, &[], &over)?,
-            samples: match samples {
+            samples,
+            sampler: Arc::new(gpu.sampler(true, [Edge::Clamp; 2])?),
+            sheet: None,
+            gpu: gpu.clone(),
+        })
+    }
+
+    /// For pictures of a size from now on.
+    pub(super) fn fit(&mut self, size: [u32; 2]) -> Result<()> {
+        if self.sheet.as_ref().is_some_and(|s| s.image.size() == size) {
+            return Ok(());
+        }
+        let image = |name, samples| {
+            let options = ImageOptions {
+                size,
+                layers: 1,
+                mips: false,
+                samples,
+                format: Format::Rgba8,
+            };
+            self.gpu.image(name, &options)
+        };
+        let plain = Arc::new(image("marks", 1)?);
+        self.sheet = Some(Sheet {
+            samples: match self.samples {
                 1 => None,
                 samples => Some(image("mark samples", samples)?),
             },
-            read: gpu.textures(&[(Arc::clone(&plain), sampler)])?,
+            read: self
+                .gpu
+                .textures(&[(Arc::clone(&plain), Arc::clone(&self.sampler))])?,
             image: plain,
-        })
+        });
+        Ok(())
     }
 
     /// Records the marks in the light of the picture's depth.
@@ -138,9 +161,10 @@ impl Marker {
         picture: Address,
         depth: &Image,
     ) {
+        let Some(sheet) = &self.sheet else { return };
         let targets = Targets {
-            color: self.samples.as_ref().unwrap_or(&self.image),
-            resolve: self.samples.as_ref().map(|_| &*self.image),
+            color: sheet.samples.as_ref().unwrap_or(&sheet.image),
+            resolve: sheet.samples.as_ref().map(|_| &*sheet.image),
             depth: Some(DepthTarget {
                 image: depth,
                 goes_on: true,
@@ -152,7 +176,7 @@ impl Marker {
             picture,
             strokes: marks.strokes.address(),
             corners: marks.corners.address(),
-            size: self.image.size().map(|s| s as f32),
+            size: sheet.image.size().map(|s| s as f32),
         };
         let [strokes, solid, veils] = marks.counts;
         cmd.scope("view marks", |cmd| {
@@ -172,8 +196,10 @@ impl Marker {
 
     /// Lays what was recorded over the picture.
     pub(super) fn lay_over(&self, drawing: &mut Drawing) {
-        drawing.pipeline(&self.over);
-        drawing.textures(&self.over, &self.read);
-        drawing.vertices(0..3);
+        if let Some(sheet) = &self.sheet {
+            drawing.pipeline(&self.over);
+            drawing.textures(&self.over, &sheet.read);
+            drawing.vertices(0..3);
+        }
     }
 }

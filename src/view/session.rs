@@ -234,6 +234,10 @@ impl<'a> Session<'a> {
     }
 
     fn drag(&mut self, edit: Edit, first: bool) -> Result<(), ViewError> {
+        // A field may tell a number that was typed once more when it is left: that is nothing to undo.
+        if matches!(self.log.last(), Some(Command::Edit(last)) if *last == edit) {
+            return Ok(());
+        }
         let done = if first {
             self.baker.apply(&edit, &self.setup.folder)
         } else {

@@ -11,7 +11,6 @@ use egui::{Rect, Sense};
 use glam::Mat4;
 
 use super::camera::Pose;
-use super::display::PageShot;
 use super::exposure::Exposure;
 use super::gizmo::Manipulator;
 use super::input::{self, Action};
@@ -19,6 +18,7 @@ use super::look::{Look, Overlay};
 use super::overlays::{Overlays, Sketch};
 use super::pick;
 use super::place::{Handle, Place};
+use super::shot::PageShot;
 use super::shown::Shown;
 use super::worker::{Request, Status};
 use super::{Note, panels};

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::overlays::{Overlays, Sketch};
 use super::reference::Reference;
@@ -92,7 +92,14 @@ pub(super) struct State {
     pub(super) frames: u64,
     pub(super) live: bool,
     pub(super) closing: bool,
+    /// Stages of the preparation that are under way.
+    stages: Vec<Stage>,
+    /// The window is gone, and nobody waits any more: what is under way is never to touch the device again.
+    abandoned: bool,
 }
+
+/// How long closing waits for a stage that cannot be interrupted.
+const PATIENCE: Duration = Duration::from_millis(150);
 
 pub(super) struct Shared {
     pub(super) state: Mutex<State>,
@@ -214,19 +221,49 @@ impl Drop for Worker {
         self.shared.state().closing = true;
         self.shared.drawn.notify_all();
         self.send(Request::Close);
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
+        let Some(thread) = self.thread.take() else {
+            return;
+        };
+        let on_host = |stage: &Stage| {
+            matches!(
+                stage,
+                Stage::Bvh | Stage::Paths | Stage::Cluster | Stage::Unwrap
+            )
+        };
+        let closing = Instant::now();
+        while !thread.is_finished() {
+            let mut state = self.shared.state();
+            let stages = &state.stages;
+            let busy = !stages.is_empty() && stages.iter().all(on_host);
+            if busy && closing.elapsed() > PATIENCE {
+                // Charts of a large mesh can take many seconds. It ends with the process, and sleeps before it would go on.
+                state.abandoned = true;
+                return;
+            }
+            drop(state);
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        if thread.join().is_err() {
             tracing::error!("the bake's thread panicked");
         }
     }
 }
 
 impl Listener for Shared {
-    fn at(&self, stage: Stage, _: u64, _: u64) {
-        self.state().status.preparing = Some(stage.name());
+    fn at(&self, stage: Stage, done: u64, _: u64) {
+        let mut state = self.state();
+        if done == 0 && !state.stages.contains(&stage) {
+            state.stages.push(stage);
+        }
+        while state.abandoned {
+            state = self.drawn.wait(state).unwrap_or_else(|e| e.into_inner());
+        }
+        state.status.preparing = Some(stage.name());
+        drop(state);
         (self.wake)();
     }
 
-    fn ended(&self, _: Stage, _: Duration) {}
+    fn ended(&self, stage: Stage, _: Duration) {
+        self.state().stages.retain(|s| *s != stage);
+    }
 }

@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR|EXR")]
     pub reference: Option<PathBuf>,
     /// At the end, write what frames took as JSON
-    #[arg(long, value_name = "FILE", conflicts_with = "headless")]
+    #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
     /// No window: play a script to pictures
     #[arg(long, requires = "script", requires = "frames_dir")]
@@ -47,6 +47,12 @@ pub struct Args {
     /// What --headless plays: JSON, an edit, a camera or frames a line
     #[arg(long, value_name = "WALK.JSONL", requires = "headless")]
     pub script: Option<PathBuf>,
+    /// Play the script again and again for so long, and add what memory it takes to --stats
+    #[arg(long = "for", value_name = "SECONDS", requires = "headless", value_parser = positive)]
+    pub seconds: Option<f32>,
+    /// JPEG files instead of PNG
+    #[arg(long, requires = "headless")]
+    pub jpeg: bool,
     /// Where --headless writes frame_00000.png and so on
     #[arg(long, value_name = "DIR", requires = "headless")]
     pub frames_dir: Option<PathBuf>,

@@ -6,6 +6,7 @@ mod values;
 
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::Parser as _;
@@ -70,15 +71,28 @@ fn run(args: &Args) -> anyhow::Result<()> {
         frame: args.frame(),
         folder: folder.clone(),
         reference,
+        jpeg: args.jpeg,
     };
     let mut headless = Headless::new(&gpu, &mut baker, options)?;
     let base = script.parent().unwrap_or(std::path::Path::new("."));
-    let frames = headless
-        .play(&lines, base)
+    let time = args.seconds.map_or(Duration::ZERO, Duration::from_secs_f32);
+    let rounds = headless
+        .repeat(&lines, base, time)
         .with_context(|| script.display().to_string())?;
+    let frames = headless.frames();
+    if let Some(path) = &args.stats {
+        let stats = headless.statistics();
+        let written = std::fs::write(path, format!("{stats:#}\n"));
+        written.with_context(|| format!("writing {}", path.display()))?;
+    }
     drop(headless);
     gpu.check_validation()?;
-    println!("{}: {frames} frames", folder.display());
+    let times = if rounds > 1 {
+        format!(", {rounds} times")
+    } else {
+        String::new()
+    };
+    println!("{}: {frames} frames{times}", folder.display());
     Ok(())
 }
 

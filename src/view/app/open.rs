@@ -10,6 +10,7 @@ use winit::window::Window;
 
 use super::super::ViewError;
 use super::super::frames::Frames;
+use super::super::pace::POLL;
 use super::super::reference::{self, Reference};
 use super::super::resolve::Pages;
 use super::super::shown::Shown;
@@ -20,6 +21,19 @@ use super::{FILE_WATCH, WindowOptions};
 use crate::gpu::Gpu;
 use crate::scene::Scene;
 use crate::transport::SceneBvh;
+
+/// While nothing moves, frames take this share of the time at most: the rest is the bake's.
+const IDLE_SHARE: u32 = 8;
+/// While nothing moves, frames follow each other no faster.
+const IDLE_PAUSE: Duration = Duration::from_millis(33);
+
+/// When a frame is due.
+pub(super) enum Next {
+    /// Now.
+    Now,
+    /// None before then.
+    At(Instant),
+}
 
 /// Everything that an open window has. Fields are dropped in this order.
 pub(super) struct Open {
@@ -34,9 +48,15 @@ pub(super) struct Open {
     /// When the last frame was begun, and what it took.
     pub(super) last: Instant,
     pub(super) cost: Duration,
-    pub(super) live: bool,
+    live: bool,
+    begun: Instant,
+    /// From the start to the end of the first frame.
+    first_picture: Option<Duration>,
+    drawn: bool,
     /// Something is new that has not been drawn.
     pub(super) dirty: bool,
+    /// Input asks for a frame.
+    pub(super) asked: bool,
     watched: (Instant, Option<SystemTime>),
     pub(super) egui_wants: Option<Instant>,
 }
@@ -47,6 +67,7 @@ impl Open {
         options: &WindowOptions,
         proxy: &EventLoopProxy<()>,
     ) -> Result<Self, ViewError> {
+        let begun = Instant::now();
         let [width, height] = options.size;
         let attributes = Window::default_attributes()
             .with_title("rebake viewer")
@@ -119,18 +140,53 @@ impl Open {
             status: Status::default(),
             gpu,
             window,
+            begun,
+            first_picture: None,
+            drawn: false,
             last: Instant::now(),
             cost: Duration::ZERO,
             live: false,
             dirty: true,
+            asked: true,
             watched: (Instant::now(), modified(&options.scene)),
             egui_wants: None,
         })
     }
 
+    /// When the next frame is due. None begins before the last one has been seen: it answers to all input until then.
+    pub(super) fn next_frame(&mut self, options: &WindowOptions) -> Result<Next, ViewError> {
+        let now = Instant::now();
+        let seen = self.frames.is_seen()?;
+        if seen && self.drawn && self.first_picture.is_none() {
+            let time = self.begun.elapsed();
+            tracing::info!(seconds = time.as_secs_f64(), "first picture");
+            self.first_picture = Some(time);
+        }
+        let mut wake = now + FILE_WATCH;
+        if let Some(wanted) = self.egui_wants {
+            wake = wake.min(wanted);
+            self.dirty |= wanted <= now;
+        }
+        let due = self.last + (self.cost * IDLE_SHARE).max(IDLE_PAUSE);
+        if self.live || self.asked || (self.dirty && due <= now) {
+            if seen {
+                return Ok(Next::Now);
+            }
+            wake = now + POLL;
+        } else if self.dirty {
+            wake = wake.min(due);
+        }
+        if self.frames.answers() {
+            wake = wake.min(now + POLL);
+        }
+        self.watch(options);
+        Ok(Next::At(wake))
+    }
+
     /// Draws a frame; whether the window stays open.
     pub(super) fn frame(&mut self, options: &WindowOptions) -> Result<bool, ViewError> {
         let begun = Instant::now();
+        (self.asked, self.dirty) = (false, false);
         let news = self.worker.news();
         self.status = news.status;
         if let Some(error) = self.status.failed.take() {
@@ -157,25 +213,28 @@ impl Open {
         for request in drawn.requests {
             self.worker.send(request);
         }
+        let went_on = self.live && drawn.live;
         if drawn.live != self.live {
             self.live = drawn.live;
             self.worker.send(Request::Live(self.live));
         }
         self.egui_wants = drawn.again.map(|after| Instant::now() + after);
+        self.drawn |= drawn.shown;
+        self.dirty |= !drawn.shown;
         if drawn.shown {
             self.worker.frame_drawn();
-            self.follow_times(begun);
+            self.follow_times(begun, went_on);
         }
         self.title(options);
         self.gpu.check_validation()?;
         Ok(!drawn.quit)
     }
 
-    fn follow_times(&mut self, begun: Instant) {
+    fn follow_times(&mut self, begun: Instant, went_on: bool) {
         let since = begun - self.last;
         self.last = begun;
         self.cost = begun.elapsed().max(self.frames.device_time());
-        if self.live {
+        if went_on {
             self.viewer.frame_ms.push(since.as_secs_f32() * 1e3);
         }
         if self.viewer.frame_ms.len() > 4096 {
@@ -228,18 +287,27 @@ impl Open {
             gpu,
             window,
             status,
+            begun,
+            first_picture,
             ..
         } = self;
+        let (photon, begun) = (frames.photon(), begun.elapsed().as_secs_f64());
         drop(worker);
         drop(shown);
         drop(frames);
         if let Some(path) = &options.stats {
+            let updating = status.curve.last().map_or(0.0, |last| last[0]);
             let (median, worst) = super::super::panels::frame_times(&viewer.frame_ms);
             let stats = serde_json::json!({
                 "frames": viewer.frame_ms.len(),
                 "median_ms": median,
                 "p99_ms": worst,
+                "input_to_photon": photon,
+                "first_picture_s": first_picture.map(|t| t.as_secs_f64()),
+                "seconds": begun,
                 "updates": status.updates,
+                "updates_per_s": status.updates as f64 / updating.max(1e-3),
+                "device_bytes": gpu.peak_bytes(),
                 "device": gpu.info().name,
                 "passes": gpu.timings(),
             });

@@ -98,10 +98,11 @@ fn number_field<N: egui::emath::Numeric>(value: &mut N) -> egui::DragValue<'_> {
     egui::DragValue::new(value).update_while_editing(false)
 }
 
-/// A field that is dragged or typed into: whether its value is new, and whether that begins a drag.
-fn changed(response: &egui::Response) -> Option<bool> {
-    response
-        .changed()
+/// A field that is dragged or typed into: whether its value is new, and whether that begins a drag. A field that is only
+/// clicked into says that it has changed, too, rounded to what it shows.
+fn changed(response: &egui::Response, before: f64, after: f64) -> Option<bool> {
+    let rounding = 1e-5 * before.abs().max(after.abs());
+    (response.changed() && (after - before).abs() > rounding)
         .then(|| response.drag_started() || !response.dragged())
 }
 
@@ -117,8 +118,16 @@ fn placement(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, node: u32) {
         let mut row = |ui: &mut egui::Ui, text, values: &mut [f64; 3], speed, handle| {
             ui.label(text);
             for value in values {
+                let before = *value;
                 let field = number_field(value).speed(speed).max_decimals(4);
-                if let Some(first) = changed(&ui.add(field)) {
+                let response = ui.add(field);
+                // To what is shown.
+                let after = if (*value - before).abs() > 5e-5 {
+                    *value
+                } else {
+                    before
+                };
+                if let Some(first) = changed(&response, before, after) {
                     what = Some((handle, first));
                 }
             }
@@ -150,10 +159,10 @@ fn punctual(viewer: &mut Viewer, ui: &mut egui::Ui, node: u32, light: &Light) {
     let mut edit = (None, None, None);
     let mut first = true;
     let mut number = |ui: &mut egui::Ui, value: &mut f32, unit: &str| {
-        let speed = (*value * 0.01).max(1e-3);
+        let (speed, before) = ((*value * 0.01).max(1e-3), *value);
         let field = number_field(value).speed(speed).range(0.0..=1e9);
         let response = ui.add(field.suffix(unit));
-        let is_new = changed(&response);
+        let is_new = changed(&response, before.into(), (*value).into());
         first &= is_new.unwrap_or(true);
         is_new.is_some()
     };
@@ -188,9 +197,10 @@ fn punctual(viewer: &mut Viewer, ui: &mut egui::Ui, node: u32, light: &Light) {
         }
         let id = ui.id().with(("kelvin", node));
         let mut kelvin: f32 = ui.data(|d| d.get_temp(id)).unwrap_or(6500.0);
+        let before = kelvin;
         let slider = egui::Slider::new(&mut kelvin, 1500.0..=15_000.0).logarithmic(true);
         let response = ui.add(slider.suffix(" K"));
-        if let Some(is_first) = changed(&response) {
+        if let Some(is_first) = changed(&response, before.into(), kelvin.into()) {
             ui.data_mut(|d| d.insert_temp(id, kelvin));
             edit.1 = Some(color_of_temperature(kelvin));
             first &= is_first;
@@ -201,8 +211,10 @@ fn punctual(viewer: &mut Viewer, ui: &mut egui::Ui, node: u32, light: &Light) {
         ui.horizontal(|ui| {
             ui.label("cone");
             for angle in &mut angles {
+                let before = *angle;
                 let field = number_field(angle).speed(0.2).range(0.0..=90.0);
-                if let Some(is_first) = changed(&ui.add(field.suffix("°"))) {
+                let response = ui.add(field.suffix("°"));
+                if let Some(is_first) = changed(&response, before.into(), (*angle).into()) {
                     first &= is_first;
                     edit.2 = Some(());
                 }
@@ -262,7 +274,8 @@ fn surface(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, index: u32) {
             let mut strength = emits;
             let speed = (strength * 0.01).max(0.01);
             let field = number_field(&mut strength).speed(speed).range(0.0..=1e9);
-            if let Some(is_first) = changed(&ui.add(field.suffix(" cd/m²"))) {
+            let response = ui.add(field.suffix(" cd/m²"));
+            if let Some(is_first) = changed(&response, emits.into(), strength.into()) {
                 glow = Some(strength);
                 first &= is_first;
             }
