@@ -173,6 +173,18 @@ fn saved(folder: &Path) -> Vec<Vec<u8>> {
         .to_vec()
 }
 
+/// Takes a screenshot, the `number`th of a viewer; `tools/pictures` says where to keep it.
+fn screenshot(display: &Display, folder: &Path, number: u32, name: &str) {
+    display.key("F12");
+    let picture = folder.join(format!("cornell-{number:03}.png"));
+    let picture = until("the screenshot", || image::open(&picture).ok());
+    if let Some(kept) = std::env::var_os("REBAKE_PICTURES") {
+        let small = picture.resize(800, 450, image::imageops::FilterType::Triangle);
+        let path = Path::new(&kept).join(format!("edit-{number}-{name}.jpg"));
+        small.into_rgb8().save(path).expect("a picture");
+    }
+}
+
 fn lines(path: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     text.lines().map(str::to_owned).collect()
@@ -204,10 +216,12 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
         })
     };
     let before = save();
+    screenshot(&display, folder.path(), 1, "opened");
 
     // The small box, along the red arrow.
     display.click(738, 600);
     viewer.wait_selected(&display, "small.box");
+    screenshot(&display, folder.path(), 2, "selected");
     display.tool(&["mousemove", "790", "676"]);
     pause();
     display.tool(&["mousedown", "1"]);
@@ -225,6 +239,7 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
     );
     viewer.wait_converged(&display);
     let moved = save();
+    screenshot(&display, folder.path(), 3, "dragged");
     assert!(moved[0] != before[0], "the box casts its shadow elsewhere");
 
     // The lamp, in the inspector.
@@ -238,6 +253,9 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
     let dimmed = |line: &String| line.contains("\"emissiveStrength\":5.0");
     let done = history("the lamp", &|lines| lines.last().is_some_and(dimmed));
     assert_eq!(done.len(), 2, "what is typed is one edit: {done:?}");
+
+    viewer.wait_converged(&display);
+    screenshot(&display, folder.path(), 4, "dimmed");
 
     // All of it back, at once.
     for _ in &done {
@@ -254,9 +272,7 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
         "the map, the scene and the preview are as before, bit for bit"
     );
 
-    display.key("F12");
-    let picture = folder.path().join("cornell-001.png");
-    until("the screenshot", || picture.exists().then_some(()));
+    screenshot(&display, folder.path(), 5, "undone");
     display.key("ctrl+q");
     viewer.close();
     let stats = std::fs::read_to_string(stats).expect("statistics");

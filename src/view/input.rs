@@ -31,6 +31,8 @@ pub enum Action {
     Redo,
     /// Remove the selection.
     Delete,
+    /// Add what a file beside the scene shows.
+    Add(String),
     /// Copy the selection.
     Duplicate,
     /// Select nothing.

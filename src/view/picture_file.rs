@@ -7,7 +7,7 @@ use image::codecs::jpeg::JpegEncoder;
 use super::ViewError;
 
 /// Of a hundred.
-const JPEG_QUALITY: u8 = 90;
+const JPEG_QUALITY: u8 = 82;
 
 /// Writes RGBA bytes as a picture, PNG or, by the file's ending, JPEG.
 pub(super) fn write_picture(path: &Path, size: [u32; 2], pixels: &[u8]) -> Result<(), ViewError> {

@@ -17,6 +17,9 @@ use super::worker::{Request, Status};
 pub(super) use marks::{edges, marks};
 pub(super) use progress::frame_times;
 
+/// Most files that are offered.
+const FILES: usize = 40;
+
 /// Draws all panels.
 pub(super) fn draw(
     viewer: &mut Viewer,
@@ -73,6 +76,15 @@ fn bar(viewer: &mut Viewer, ui: &mut egui::Ui, status: &Status, actions: &mut Ve
             "for rebake replay (Ctrl+H)",
             Action::SaveHistory,
         );
+        ui.menu_button("Add a file", |ui| {
+            let files = beside(&viewer.files.scene);
+            if files.is_empty() {
+                ui.weak("no other .gltf or .glb file lies beside the scene");
+            }
+            for file in files {
+                button(ui, &file, "into the scene", Action::Add(file.clone()));
+            }
+        });
         button(ui, "Screenshot", "F12", Action::Screenshot);
         button(ui, "Quit", "Ctrl+Q", Action::Quit);
     });
@@ -152,6 +164,23 @@ fn bar(viewer: &mut Viewer, ui: &mut egui::Ui, status: &Status, actions: &mut Ve
     );
     button(ui, "?", "keys", Action::Help);
     actions.append(&mut chosen);
+}
+
+/// Names of the other glTF files in a scene's folder, in order.
+fn beside(scene: &std::path::Path) -> Vec<String> {
+    let folder = match scene.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => std::path::Path::new("."),
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .filter(|entry| Some(entry.file_name().as_os_str()) != scene.file_name())
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".gltf") || name.ends_with(".glb"))
+        .collect();
+    names.sort();
+    names.truncate(FILES);
+    names
 }
 
 /// Says over the picture what it is, as long as it is not the finished light.
@@ -308,4 +337,22 @@ fn page(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown) {
 /// Asks for another slice of updates per frame.
 pub(super) fn slice_of(ms: f32) -> Request {
     Request::Slice(std::time::Duration::from_secs_f32(ms / 1e3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::beside;
+
+    #[test]
+    fn offers_the_other_gltf_files_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["b.glb", "a.gltf", "scene.glb", "scene.bin"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(
+            beside(&folder.path().join("scene.glb")),
+            ["a.gltf", "b.glb"]
+        );
+        assert!(beside(&folder.path().join("none/scene.glb")).is_empty());
+    }
 }

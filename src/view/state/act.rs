@@ -39,6 +39,14 @@ impl Viewer {
                     });
                 }
             }
+            Action::Add(file) => {
+                self.select_new = true;
+                self.edit(Edit::Add {
+                    file,
+                    name: None,
+                    parent: None,
+                });
+            }
             Action::Duplicate => {
                 if let Some(node) = self.selection {
                     self.select_new = true;
