@@ -21,6 +21,7 @@ impl Bench<'_> {
             frame: std::time::Duration::ZERO,
             folder: folder.path().to_owned(),
             reference: None,
+            jpeg: false,
         };
         let mut headless = Headless::new(self.gpu, baker, options)?;
         let look = Line::View(View::Frame {
