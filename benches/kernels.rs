@@ -63,7 +63,9 @@ fn main() {
             lit.paths.paths(),
             lit.vpls.len()
         );
+        // Its plots want a font that the plots of `rebake` bring along themselves.
         let mut criterion = Criterion::default()
+            .without_plots()
             .sample_size(10)
             .warm_up_time(std::time::Duration::from_millis(500))
             .measurement_time(std::time::Duration::from_secs(2))

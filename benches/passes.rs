@@ -31,7 +31,9 @@ fn main() {
         gpu.info().name,
         gpu.info().driver
     );
+    // Its plots want a font that the plots of `rebake` bring along themselves.
     let mut criterion = Criterion::default()
+        .without_plots()
         .sample_size(10)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_secs(1))

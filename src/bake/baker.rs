@@ -223,6 +223,7 @@ impl Baker {
     /// # Errors
     /// An edit that makes no sense, or whose objects find no room in the lightmap: nothing has changed then.
     pub fn apply(&mut self, edit: &Edit, folder: &Path) -> Result<(), BakeError> {
+        let _span = tracing::debug_span!("edit").entered();
         let old = self.scene().clone();
         let change = self.editor.apply(edit, folder)?;
         if let Err(error) = self.lay_out() {
@@ -280,6 +281,7 @@ impl Baker {
         if change.is_empty() {
             return Ok(());
         }
+        let _span = tracing::debug_span!("follow").entered();
         if !change.objects.is_empty() {
             let occluders = change.boxes(old, &scene);
             let mut lookups = occluders.clone();

@@ -59,14 +59,14 @@ impl Baker {
             .collect();
         let before = self.illumination.sums()?;
         let mut touched = 0;
-        let there = self.cost(|baker| {
+        let there = self.cost("limited updates", |baker| {
             for (light, from) in &lights {
                 touched += u64::from(baker.illumination.push_difference(light, *from, to)?);
             }
             Ok(())
         })?;
         let limited = self.illumination.sums()?;
-        let whole_back = self.cost(|baker| {
+        let whole_back = self.cost("whole updates", |baker| {
             for (light, from) in &lights {
                 baker.illumination.push(light.clone(), Sign::Subtract, to)?;
                 baker.illumination.push(light.clone(), Sign::Add, *from)?;
@@ -74,7 +74,7 @@ impl Baker {
             Ok(())
         })?;
         compare_sums(&self.texels, &self.illumination.sums()?, &before)?;
-        let whole_there = self.cost(|baker| {
+        let whole_there = self.cost("whole updates", |baker| {
             for (light, from) in &lights {
                 baker
                     .illumination
@@ -84,7 +84,7 @@ impl Baker {
             Ok(())
         })?;
         compare_sums(&self.texels, &self.illumination.sums()?, &limited)?;
-        let back = self.cost(|baker| {
+        let back = self.cost("limited updates", |baker| {
             for (light, from) in &lights {
                 baker.illumination.push_difference(light, to, *from)?;
             }
@@ -101,9 +101,11 @@ impl Baker {
 
     fn cost(
         &mut self,
+        name: &str,
         work: impl FnOnce(&mut Self) -> Result<(), GpuError>,
     ) -> Result<UpdateCost, GpuError> {
         self.finish()?;
+        let _span = tracing::debug_span!("updates", name).entered();
         let spent = |baker: &Self| baker.gpu.timings().iter().map(|t| t.ms).sum::<f64>();
         let (start, before) = (Instant::now(), spent(self));
         work(self)?;

@@ -35,6 +35,7 @@ impl Baker {
     /// # Errors
     /// No memory, a lost device.
     pub fn lightmap(&mut self) -> Result<Lightmap, GpuError> {
+        let _span = tracing::debug_span!("lightmap").entered();
         let scene = self.editor.scene().clone();
         let irradiance = self.illumination.irradiance()?;
         // In the objects' order, without what is gone: as a fresh bake lists them.

@@ -152,7 +152,8 @@ pub fn measure(
     plan: &Plan,
     told: &dyn Fn(&str),
 ) -> Result<SceneFigures, BenchError> {
-    let (loaded, document) = builtin::open(scene)?;
+    let (loaded, document) =
+        tracing::info_span!("load", scene).in_scope(|| builtin::open(scene))?;
     loaded.validate()?;
     let mut bench = Bench {
         gpu,

@@ -206,7 +206,7 @@ impl Bench<'_> {
     }
 
     /// A bake of few lights onto about so many texels.
-    fn few(&self, texels: u64) -> Job {
+    pub(super) fn few(&self, texels: u64) -> Job {
         Job {
             atlas: AtlasOptions {
                 texels,

@@ -30,10 +30,13 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
     if let Some(folder) = &command.plots {
         std::fs::create_dir_all(folder).with_context(|| format!("--plots {}", folder.display()))?;
     }
-    let gpu = Gpu::new(&GpuOptions {
-        device: args.device.clone(),
-        validate: args.validate,
-    })?;
+    let open = || {
+        Gpu::new(&GpuOptions {
+            device: args.device.clone(),
+            validate: args.validate,
+        })
+    };
+    let gpu = open()?;
     let plan = plan(command, gpu.info().kind == "CPU")?;
     let names: Vec<String> = if command.scenes.is_empty() {
         SCENES.map(str::to_owned).to_vec()
@@ -65,6 +68,8 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
     ))?;
     for name in &names {
         let told = |what: &str| console.note(what);
+        // Anew for each scene: the most memory that was taken is then this scene's.
+        let gpu = open()?;
         let scene = measure(&gpu, name, &plan, &told).with_context(|| name.clone())?;
         gpu.check_validation()?;
         for table in tables::of_scene(&scene) {

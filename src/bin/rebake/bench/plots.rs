@@ -1,7 +1,9 @@
 //! Pictures of sweeps: a figure of each unit over what was varied, and how maps follow edits.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
 use rebake::bench::{Figure, Figures, SceneFigures, Series};
 use rebake::scene::write_whole;
@@ -129,6 +131,7 @@ fn file_name(text: &str) -> String {
 }
 
 /// A span whose ends differ, by logarithms where it holds more than a decade of numbers above 0.
+#[derive(Clone)]
 struct Axis {
     low: f64,
     high: f64,
@@ -167,14 +170,63 @@ impl Axis {
         value.clamp(self.low, self.high)
     }
 
+    /// Round numbers on it, as places.
+    fn ticks(&self) -> Vec<f64> {
+        if !self.logarithmic {
+            let step = 10f64.powf((0.4 * (self.high - self.low)).log10().floor());
+            let most = (self.high - self.low) / step;
+            let step = step * if most > 10.0 { 5.0 } else { 2.0 };
+            let first = (self.low / step).ceil();
+            let ticks = (0..16).map(|i| (first + f64::from(i)) * step);
+            return ticks.filter(|t| *t <= self.high).collect();
+        }
+        // Over few decades 1, 2 and 5 of each, else 1.
+        let decades = self.low.floor() as i32..=self.high.ceil() as i32;
+        let parts: &[f64] = match self.high - self.low {
+            wide if wide > 4.0 => &[1.0],
+            _ => &[1.0, 2.0, 5.0],
+        };
+        decades
+            .flat_map(|d| parts.iter().map(move |p| f64::from(d) + p.log10()))
+            .filter(|t| (self.low..=self.high).contains(t))
+            .collect()
+    }
+
     /// What a place on it stands for.
     fn label(&self, at: f64) -> String {
         let value = if self.logarithmic { 10f64.powf(at) } else { at };
         match value.abs() {
-            v if v >= 1e6 => format!("{} M", number(value / 1e6)),
-            v if v >= 1e4 => format!("{} k", number(value / 1e3)),
-            _ => number(value),
+            v if v >= 1e6 => format!("{} M", short(value / 1e6)),
+            v if v >= 1e4 => format!("{} k", short(value / 1e3)),
+            _ => short(value),
         }
+    }
+}
+
+/// A number without zeros that say nothing.
+fn short(value: f64) -> String {
+    let text = number(value);
+    match text.contains('.') && !text.contains('e') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+impl Ranged for Axis {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, place: &f64, (from, to): (i32, i32)) -> i32 {
+        let share = (place - self.low) / (self.high - self.low);
+        from + (share * f64::from(to - from)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.ticks()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.low..self.high
     }
 }
 
@@ -202,7 +254,7 @@ impl Plot {
             .margin(14)
             .x_label_area_size(42)
             .y_label_area_size(84)
-            .build_cartesian_2d(x.low..x.high, y.low..y.high)?;
+            .build_cartesian_2d(x.clone(), y.clone())?;
         chart
             .configure_mesh()
             .bold_line_style(GRID)
@@ -235,9 +287,20 @@ impl Plot {
                 }))?;
             }
         }
+        // Where there is room.
+        let ends = |c: &Curve| Some((c.points.first()?.y, c.points.last()?.y));
+        let rises = self
+            .curves
+            .first()
+            .and_then(ends)
+            .is_some_and(|(a, b)| a < b);
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(if rises {
+                SeriesLabelPosition::UpperLeft
+            } else {
+                SeriesLabelPosition::UpperRight
+            })
             .background_style(WHITE.mix(0.8))
             .label_font(("sans-serif", 15))
             .draw()?;
@@ -288,7 +351,10 @@ mod tests {
         assert!(axis.logarithmic);
         assert_eq!(axis.label(axis.at(1e6)), "1 M");
         assert_eq!(axis.label(axis.at(1e5)), "100 k");
+        let labels: Vec<_> = axis.ticks().iter().map(|&t| axis.label(t)).collect();
+        assert_eq!(labels[..4], ["10 k", "20 k", "50 k", "100 k"]);
         let axis = Axis::new([3.0, 5.0].into_iter(), true);
         assert_eq!((axis.low, axis.logarithmic), (0.0, false));
+        assert_eq!(axis.ticks(), [0.0, 2.0, 4.0]);
     }
 }

@@ -1,6 +1,6 @@
 //! What `rebake bench` prints of the figures.
 
-use rebake::bench::{Better, Comparison, Figure, SceneFigures, Series};
+use rebake::bench::{Better, Comparison, Figure, Point, SceneFigures, Series};
 
 use super::grid::{Grid, number};
 
@@ -47,14 +47,30 @@ fn of_series(scene: &str, series: &Series) -> String {
         grid.row(std::iter::once(number(point.at)).chain(cells));
     }
     let timed = (0..figures.len()).filter(|&i| figures[i].better == Better::Lower);
+    // What a batch costs as a whole is shared by its lights.
+    let shared = series.name == "batches";
+    let shares = Series {
+        points: series
+            .points
+            .iter()
+            .map(|p| Point {
+                at: 1.0 / p.at,
+                ..p.clone()
+            })
+            .collect(),
+        ..series.clone()
+    };
     let lines = timed.filter_map(|i| {
-        let line = series.line(i)?;
+        let line = if shared { &shares } else { series }.line(i)?;
         let Figure { name, unit, .. } = &figures[i];
+        let (each, what) = match shared {
+            true => (line.slope, "batch, shared by its lights".to_owned()),
+            false => (1e3 * line.slope, format!("1000 {}", series.over)),
+        };
         Some(format!(
-            "\n  {name}: {} {unit} + {} {unit} per 1000 {}, within {:.0} %",
+            "\n  {name}: {} {unit} + {} {unit} per {what}, within {:.0} %",
             number(line.at_zero),
-            number(1e3 * line.slope),
-            series.over,
+            number(each),
             100.0 * line.worst
         ))
     });
