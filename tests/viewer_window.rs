@@ -247,10 +247,10 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
     display.click(640, 74);
     viewer.wait_selected(&display, "lamp");
     display.click(1085, 189);
-    display.tool(&["type", "5"]);
+    display.tool(&["type", "900"]);
     pause();
     display.key("Return");
-    let dimmed = |line: &String| line.contains("\"emissiveStrength\":5.0");
+    let dimmed = |line: &String| line.contains("\"emissiveStrength\":900.0");
     let done = history("the lamp", &|lines| lines.last().is_some_and(dimmed));
     assert_eq!(done.len(), 2, "what is typed is one edit: {done:?}");
 
