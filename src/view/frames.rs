@@ -1,5 +1,6 @@
 //! Frames of a window: the picture, the panels on it, and what is measured on the way.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -40,6 +41,8 @@ pub(super) struct Frames {
     pace: Pace,
     /// How coarse the last frame was.
     coarse: u32,
+    /// What has been drawn coarsely: drivers compile what is drawn for the first time.
+    warm: BTreeSet<Look>,
 }
 
 /// What a frame came to.
@@ -82,6 +85,7 @@ impl Frames {
             device_time: Duration::ZERO,
             pace: Pace::default(),
             coarse: 1,
+            warm: BTreeSet::new(),
         })
     }
 
@@ -183,6 +187,11 @@ impl Frames {
         let mut cmd = self.gpu.commands()?;
         self.swapchain.begin(&mut cmd, &frame);
         let target = self.swapchain.image(&frame);
+        if self.pace.is_slow() && self.warm.insert(shot.look) && !outcome.live {
+            // Not when something begins to move.
+            let coarse = Shot { coarse: 2, ..shot };
+            self.display.record(&mut cmd, target, &coarse)?;
+        }
         self.display.record(&mut cmd, target, &shot)?;
         let measures = match (shot.look, outcome.probe) {
             (look, _) if look.is_metered() => self.display.measure(&mut cmd),

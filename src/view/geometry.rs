@@ -178,6 +178,12 @@ impl Geometry {
         Ok(new)
     }
 
+    /// The box around an object that is there, in its own space.
+    pub(super) fn own_bounds(&self, object: u32) -> Option<Bounds> {
+        let draw = self.draws.iter().find(|d| d.object == object)?;
+        Some(draw.part.bounds)
+    }
+
     /// What may be seen, the nearest first, so that little is shaded in vain; what can be seen through comes last.
     pub(super) fn seen(&self, eye: Vec3, clip: &Mat4) -> Vec<&Draw> {
         let away = |b: &Bounds| (eye - eye.clamp(b.min, b.max)).length_squared();

@@ -17,6 +17,8 @@ pub(super) struct Settings {
     pub snap: bool,
     /// Metres, degrees, factor.
     pub steps: [f32; 3],
+    /// Where the handles are, in the node's own space.
+    pub pivot: DVec3,
 }
 
 /// The handles.
@@ -77,10 +79,11 @@ impl Manipulator {
             ..GizmoConfig::default()
         });
         let (scale, rotation, translation) = place.world().to_scale_rotation_translation();
+        let pivot = place.world().transform_point3(settings.pivot);
         let target = Transform {
             scale: scale.to_array().into(),
             rotation: mint::Quaternion::from(rotation.to_array()),
-            translation: translation.to_array().into(),
+            translation: pivot.to_array().into(),
         };
         let Some((_, moved)) = self.gizmo.interact(ui, &[target]) else {
             if !ui.input(|i| i.pointer.primary_down()) {
@@ -92,14 +95,16 @@ impl Manipulator {
         let first = self.from.is_none();
         self.from.get_or_insert(*place);
         let new = match settings.handle {
-            Handle::Move => place.moved_to(vector(moved.translation)),
+            Handle::Move => place.moved_to(translation + vector(moved.translation) - pivot),
             Handle::Turn => {
                 let q: [f64; 4] = moved.rotation.into();
-                place.turned_to(DQuat::from_array(q).normalize())
+                let turned = place.turned_to(DQuat::from_array(q).normalize());
+                turned.holding(settings.pivot, place)
             }
             Handle::Scale => {
                 let old = DVec3::select(scale.abs().cmplt(DVec3::splat(1e-9)), DVec3::ONE, scale);
-                place.scaled_by(vector(moved.scale) / old)
+                let scaled = place.scaled_by(vector(moved.scale) / old);
+                scaled.holding(settings.pivot, place)
             }
         };
         (first || new != *place).then_some((new, first))

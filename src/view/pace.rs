@@ -60,6 +60,11 @@ impl Pace {
         if live { self.coarse.max(1) } else { 1 }
     }
 
+    /// Whether what moves is drawn coarsely.
+    pub(super) fn is_slow(&self) -> bool {
+        self.coarse > 1
+    }
+
     /// Something was pressed, moved or turned; `seen`: frames that have been seen so far.
     pub(super) fn event(&mut self, seen: u64) {
         if self.events.len() < KEPT {

@@ -92,12 +92,20 @@ impl Place {
         }
     }
 
-    /// The edit that puts the node there, as far as a handle changes it.
-    pub fn edit(&self, node: u32, handle: Handle) -> Edit {
+    /// With a point of its own space where that of `before` was.
+    pub fn holding(self, point: DVec3, before: &Self) -> Self {
+        let shift = before.world().transform_point3(point) - self.world().transform_point3(point);
+        self.moved_to(self.world().translation + shift)
+    }
+
+    /// The edit that puts the node there, as far as a handle changes it; `around`: and the translation, because what it turns
+    /// or grows around is not its origin.
+    pub fn edit(&self, node: u32, handle: Handle, around: bool) -> Edit {
         let given = |wanted, yes: bool| yes.then_some(wanted);
+        let moves = around || handle == Handle::Move;
         Edit::Transform {
             node: Name::Index(node),
-            translation: given(self.translation.to_array(), handle == Handle::Move),
+            translation: given(self.translation.to_array(), moves),
             rotation: (handle == Handle::Turn).then_some(self.rotation.to_array()),
             scale: given(self.scale.to_array(), handle == Handle::Scale),
         }
@@ -125,6 +133,21 @@ fn local(node: &Value) -> Option<DAffine3> {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn what_turns_around_a_point_of_its_own_keeps_it_in_place() {
+        let place = Place::of(&document(), 2).unwrap();
+        let point = DVec3::new(3.0, 1.0, -2.0);
+        let turned = place.turned_to(DQuat::from_rotation_x(1.0));
+        let held = turned.holding(point, &place);
+        let [a, b] = [place, held].map(|p| p.world().transform_point3(point));
+        assert!(a.distance(b) < 1e-12, "{a} {b}");
+        assert!(held.rotation.abs_diff_eq(turned.rotation, 1e-15));
+        let Edit::Transform { translation, .. } = held.edit(2, Handle::Turn, true) else {
+            panic!("a transform");
+        };
+        assert_eq!(translation, Some(held.translation.to_array()));
+    }
 
     fn document() -> Value {
         let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -163,7 +186,7 @@ mod tests {
             rotation,
             scale,
             ..
-        } = moved.edit(2, Handle::Move)
+        } = moved.edit(2, Handle::Move, false)
         else {
             panic!("no transform");
         };

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use glam::{DVec3, Vec3};
 use serde_json::Value;
 
 use super::geometry::Geometry;
@@ -60,6 +61,13 @@ impl Shown {
         bounds.copied().unwrap_or(Bounds::EMPTY)
     }
 
+    /// Where a node's handles are, in its own space: at its origin, or, if that lies beside what it shows, in the middle of that.
+    pub(super) fn pivot_of(&self, node: u32) -> DVec3 {
+        let object = self.scene.objects.iter().position(|o| o.node == node);
+        let bounds = object.and_then(|o| self.geometry.own_bounds(o as u32));
+        bounds.map_or(DVec3::ZERO, |bounds| pivot(&bounds))
+    }
+
     /// The name of the object or light on a node.
     pub fn name_of(&self, node: u32) -> Option<&str> {
         let object = self.scene.objects.iter().find(|o| o.node == node);
@@ -72,5 +80,33 @@ impl Shown {
     /// Lux at both ends of false colours that suit the scene.
     pub fn scale(&self) -> [f32; 2] {
         self.pages.scale()
+    }
+}
+
+fn pivot(bounds: &Bounds) -> DVec3 {
+    let margin = 0.02 * bounds.size().length();
+    let nearest = Vec3::ZERO.clamp(bounds.min, bounds.max);
+    if nearest.length() <= margin {
+        return DVec3::ZERO;
+    }
+    bounds.center().as_dvec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn handles_are_at_an_origin_on_the_object_else_in_its_middle() {
+        let on_the_floor = Bounds {
+            min: Vec3::new(-1.0, 0.01, -1.0),
+            max: Vec3::new(1.0, 2.0, 1.0),
+        };
+        assert_eq!(pivot(&on_the_floor), DVec3::ZERO);
+        let elsewhere = Bounds {
+            min: Vec3::new(4.0, 0.0, 0.0),
+            max: Vec3::new(6.0, 2.0, 2.0),
+        };
+        assert_eq!(pivot(&elsewhere), DVec3::new(5.0, 1.0, 1.0));
     }
 }

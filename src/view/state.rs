@@ -361,6 +361,7 @@ impl Viewer {
         let Some(place) = known.or_else(|| Place::of(&shown.json, node)) else {
             return false;
         };
+        let pivot = shown.pivot_of(node);
         let settings = super::gizmo::Settings {
             pose: self.pose,
             screen: self.screen,
@@ -368,10 +369,11 @@ impl Viewer {
             local: self.local,
             snap: self.snap || ui.input(|i| i.modifiers.ctrl),
             steps: self.steps,
+            pivot,
         };
         if let Some((moved, first)) = self.manipulator.follow(ui, &settings, &place) {
             self.place = Some((node, moved));
-            let edit = moved.edit(node, self.handle);
+            let edit = moved.edit(node, self.handle, pivot != glam::DVec3::ZERO);
             self.requests.push(Request::Drag(edit, first));
         }
         self.manipulator.is_dragging()

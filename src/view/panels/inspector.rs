@@ -150,7 +150,7 @@ fn placement(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, node: u32) {
         }
         place = place.scaled_by(glam::DVec3::ONE);
         viewer.place = Some((node, place));
-        viewer.ask(Request::Drag(place.edit(node, handle), first));
+        viewer.ask(Request::Drag(place.edit(node, handle, false), first));
     }
 }
 
