@@ -15,8 +15,8 @@ vec3 edge_plane(vec3 a, vec3 b) {
     return plane;
 }
 
-Setup set_up(Triangle triangle, View view, uint face) {
-    Face f = face_axes(face, view.x, view.y, view.z);
+// `f`: the axes of the view's face.
+Setup set_up(Triangle triangle, View view, uint face, Face f) {
     vec3 a = triangle.a - view.origin, b = triangle.b - view.origin, c = triangle.c - view.origin;
     a = vec3(dot(f.u, a), dot(f.v, a), dot(f.w, a));
     b = vec3(dot(f.u, b), dot(f.v, b), dot(f.w, b));

@@ -27,7 +27,7 @@ void main() {
     uvec2 entry = large.at[index];
     uint face = entry.y & 7;
     View view = views.at[entry.y >> 3 & 63];
-    Setup s = set_up(triangles.at[entry.x], view, face);
+    Setup s = set_up(triangles.at[entry.x], view, face, face_axes(face, view.x, view.y, view.z));
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
     uint height = side ? view.size / 2 : view.size;
     float half_size = 0.5 * float(view.size);

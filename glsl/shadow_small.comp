@@ -1,12 +1,13 @@
 #version 460
-// Draws the triangles of listed chunks into their faces, one invocation a triangle: those that touch few pixels at once,
-// the others go on a list for shadow_large.
+// Draws the triangles of listed chunks into their faces, an invocation one or several triangles: those that touch few pixels
+// at once, the others go on a list for shadow_large.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "view.glsl"
 #include "raster.glsl"
 
-layout(local_size_x = 64) in;
+// A workgroup takes a chunk.
+layout(local_size_x_id = 2) in;
 
 // Pixels of the bounding rectangle up to which a triangle is drawn here.
 layout(constant_id = 0) const uint SMALL = 32;
@@ -27,16 +28,9 @@ layout(push_constant, scalar) uniform Push {
     uint large_capacity;
 };
 
-void main() {
-    // Lists are dispatched as whole rows: what lies past the end is of earlier batches.
-    uint index = list_index();
-    if (index >= head.at[0].entries) return;
-    uvec2 entry = list.at[index];
-    if (gl_LocalInvocationIndex >= chunks.at[entry.x].count) return;
-    uint triangle = entry.x * CHUNK + gl_LocalInvocationIndex;
-    uint face = entry.y & 7;
-    View view = views.at[entry.y >> 3];
-    Setup s = set_up(triangles.at[triangle], view, face);
+// `whose`: view and face, as the lists have them.
+void draw(uint triangle, uint whose, View view, uint face, Face axes) {
+    Setup s = set_up(triangles.at[triangle], view, face, axes);
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
     uint height = side ? view.size / 2 : view.size;
     float half_size = 0.5 * float(view.size);
@@ -59,10 +53,10 @@ void main() {
         uint parts = (rows + LARGE_ROWS - 1) / LARGE_ROWS;
         uint slot = atomicAdd(large_head.at[0].entries, parts);
         if (slot <= large_capacity && large_capacity - slot >= parts)
-            for (uint part = 0; part < parts; ++part) large.at[slot + part] = uvec2(triangle, entry.y | part << 9);
+            for (uint part = 0; part < parts; ++part) large.at[slot + part] = uvec2(triangle, whose | part << 9);
         else {
             // No room for all of them: what was taken is left empty.
-            for (uint part = slot; part < min(slot + parts, large_capacity); ++part) large.at[part] = uvec2(triangle, entry.y | 0xfffffe00u);
+            for (uint part = slot; part < min(slot + parts, large_capacity); ++part) large.at[part] = uvec2(triangle, whose | 0xfffffe00u);
             here = true;
         }
     }
@@ -90,5 +84,22 @@ void main() {
         column = wrap ? 0 : column;
         line += wrap ? 1 : 0;
         row += wrap ? view.size : 0;
+    }
+}
+
+void main() {
+    // Lists are dispatched as whole rows: what lies past the end is of earlier batches.
+    uint index = list_index();
+    if (index >= head.at[0].entries) return;
+    uvec2 entry = list.at[index];
+    uint face = entry.y & 7;
+    View view = views.at[entry.y >> 3];
+    Face axes = face_axes(face, view.x, view.y, view.z);
+    uint count = chunks.at[entry.x].count;
+    uint i = gl_LocalInvocationIndex;
+    for (;;) {
+        if (i < count) draw(entry.x * CHUNK + i, entry.y, view, face, axes);
+        i += gl_WorkGroupSize.x;
+        if (i >= count) break;
     }
 }

@@ -220,9 +220,12 @@ fn chunk(parts: &[Part], instance: u32) -> Chunk {
 }
 
 /// Orders triangles so that every run of [`CHUNK`] is compact: halves at the median of the longest extent of the
-/// centroids, the left half a multiple of the chunk.
+/// centroids, the left half a multiple of the chunk. In a run large ones come first: invocations that run together then
+/// have about as many pixels to look at.
 fn split(parts: &mut [Part]) {
     if parts.len() <= CHUNK as usize {
+        let size = |(t, _): &Part| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
+        parts.sort_by(|a, b| size(b).total_cmp(&size(a)));
         return;
     }
     let centroid = |part: &Part| (part.0[0] + part.0[1] + part.0[2]) / 3.0;

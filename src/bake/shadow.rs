@@ -9,7 +9,7 @@ use super::pool::grow;
 use super::records::View;
 use super::report::ShadowCounts;
 use super::shaders;
-use super::shared::{BATCH, VIEW_BLOCKS, VIEW_HEMICUBE};
+use super::shared::{BATCH, CHUNK, VIEW_BLOCKS, VIEW_HEMICUBE};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 
 /// Entries of the list of large triangles; what does not fit is drawn, more slowly, by the pass for small ones.
@@ -122,12 +122,16 @@ impl Drawing {
         let mut made = match self.made.take() {
             Some(made) => made,
             None => {
-                // A SIMD register of lavapipe; elsewhere what runs together.
-                let lanes = if gpu.info().kind == "CPU" { 8 } else { 32 };
+                // A SIMD register of lavapipe, where every invocation reads a view by itself, so that several triangles share the
+                // reading; elsewhere what runs together, and a triangle an invocation.
+                let [lanes, small] = match gpu.info().kind {
+                    "CPU" => [8, 8],
+                    _ => [32, CHUNK],
+                };
                 let large_bytes = u64::from(LARGE_CAPACITY) * 8;
                 let masked = self.masked.into();
                 Made {
-                    small: gpu.pipeline(shaders::SHADOW_SMALL, &[SMALL_PIXELS, masked])?,
+                    small: gpu.pipeline(shaders::SHADOW_SMALL, &[SMALL_PIXELS, masked, small])?,
                     large: gpu.pipeline(shaders::SHADOW_LARGE, &[masked, lanes])?,
                     list: gpu.buffer("shadow chunks", entries, Memory::Device)?,
                     large_list: gpu.buffer(
