@@ -13,6 +13,8 @@ const uint ALL = 0, FIRST = 1, REST = 2, OWN = 3;
 layout(constant_id = 0) const uint WHICH = ALL;
 // Pixels that a triangle covers on average if its chunk is drawn first. Many small triangles hide little for their cost.
 layout(constant_id = 1) const float PIXELS = 16.0;
+// Chunks an invocation: they share the reading of the view.
+layout(constant_id = 2) const uint EACH = 1;
 
 layout(push_constant, scalar) uniform Push {
     Chunks chunks;
@@ -25,8 +27,8 @@ layout(push_constant, scalar) uniform Push {
 };
 
 // Whether a chunk is to hide others: it is near, or its triangles are large.
-bool is_first(uint view, vec3 offset, vec3 extent, uint count) {
-    float reach = 0.5 * float(views.at[view].size) * length(extent);
+bool is_first(View view, vec3 offset, vec3 extent, uint count) {
+    float reach = 0.5 * float(view.size) * length(extent);
     return reach * reach >= PIXELS * float(count) * dot(offset, offset);
 }
 
@@ -38,14 +40,11 @@ bool hidden(uint view, uint face, Face f, vec3 offset, vec3 extent) {
 }
 
 // Whether a box around `offset` from the view's origin touches what the view is limited to.
-bool matters(uint view, vec3 offset, vec3 extent) {
-    // Loaded as one: see the driver's trap with parts of a vec4.
-    vec4 limit = views.at[view].limit;
-    if (views.at[view].kind == VIEW_ORTHOGRAPHIC) {
-        vec3 x = views.at[view].x, y = views.at[view].y;
-        return abs(dot(x, offset) - limit.x) <= dot(abs(x), extent) + limit.z
-            && abs(dot(y, offset) - limit.y) <= dot(abs(y), extent) + limit.w;
-    }
+bool matters(View view, vec3 offset, vec3 extent) {
+    vec4 limit = view.limit;
+    if (view.kind == VIEW_ORTHOGRAPHIC)
+        return abs(dot(view.x, offset) - limit.x) <= dot(abs(view.x), extent) + limit.z
+            && abs(dot(view.y, offset) - limit.y) <= dot(abs(view.y), extent) + limit.w;
     float distance = length(offset);
     float radius = length(extent);
     if (limit.w > PI || distance <= radius) return true;
@@ -53,26 +52,20 @@ bool matters(uint view, vec3 offset, vec3 extent) {
     return angle <= limit.w + asin(radius / distance) + 1e-3;
 }
 
-void main() {
-    uint chunk = gl_GlobalInvocationID.x;
-    uint view = gl_GlobalInvocationID.y;
-    if (chunk >= chunk_count) return;
+void cull(uint chunk, uint index, View view) {
     Instance instance = instances.at[chunks.at[chunk].instance];
-    if (!stands(instance, views.at[view].version)) return;
-    bool in_both = stands(instance, views.at[view].other);
-    if (WHICH == OWN ? in_both : !in_both || views.at[view].borrows != 0) return;
-    vec3 offset = chunks.at[chunk].center - views.at[view].origin;
+    if (!stands(instance, view.version)) return;
+    bool in_both = stands(instance, view.other);
+    if (WHICH == OWN ? in_both : !in_both || view.borrows != 0) return;
+    vec3 offset = chunks.at[chunk].center - view.origin;
     vec3 extent = chunks.at[chunk].extent;
     if (!matters(view, offset, extent)) return;
-    vec3 x = views.at[view].x;
-    vec3 y = views.at[view].y;
-    vec3 z = views.at[view].z;
-    bool hemicube = views.at[view].kind == VIEW_HEMICUBE;
+    bool hemicube = view.kind == VIEW_HEMICUBE;
     bool first = (WHICH == FIRST || WHICH == REST) && hemicube && is_first(view, offset, extent, chunks.at[chunk].count);
     if (WHICH == FIRST && !first || WHICH == REST && first) return;
     uint faces = hemicube ? 5 : 1;
     for (uint face = 0; face < faces; ++face) {
-        Face f = face_axes(face, x, y, z);
+        Face f = face_axes(face, view.x, view.y, view.z);
         bool seen;
         if (hemicube) {
             // The box lies wholly beyond one of the planes u = w, u = -w, v = w, v = -w (side faces: v = 0).
@@ -80,11 +73,23 @@ void main() {
             seen = dot(n0, offset) + dot(abs(n0), extent) > 0.0 && dot(n1, offset) + dot(abs(n1), extent) > 0.0
                 && dot(n2, offset) + dot(abs(n2), extent) > 0.0 && dot(n3, offset) + dot(abs(n3), extent) > 0.0;
         } else {
-            seen = abs(dot(x, offset)) - dot(abs(x), extent) < 1.0 && abs(dot(y, offset)) - dot(abs(y), extent) < 1.0;
+            seen = abs(dot(view.x, offset)) - dot(abs(view.x), extent) < 1.0 && abs(dot(view.y, offset)) - dot(abs(view.y), extent) < 1.0;
         }
-        if (WHICH == REST && hemicube) seen = seen && !hidden(view, face, f, offset, extent);
+        if (WHICH == REST && hemicube) seen = seen && !hidden(index, face, f, offset, extent);
         if (!seen) continue;
-        list.at[atomicAdd(head.at[0].entries, 1)] = uvec2(chunk, view * 8 + face);
+        list.at[atomicAdd(head.at[0].entries, 1)] = uvec2(chunk, index * 8 + face);
         atomicAdd(head.at[0].weight, chunks.at[chunk].count);
+    }
+}
+
+void main() {
+    uint first = gl_WorkGroupID.x * gl_WorkGroupSize.x * EACH + gl_LocalInvocationIndex;
+    uint index = gl_GlobalInvocationID.y;
+    View view = views.at[index];
+    uint k = 0;
+    for (;;) {
+        uint chunk = first + k * gl_WorkGroupSize.x;
+        if (chunk < chunk_count) cull(chunk, index, view);
+        if (++k == EACH) break;
     }
 }

@@ -27,6 +27,8 @@ pub(super) const MAX_VIEWS: u64 = 2 * BATCH as u64;
 pub(super) struct ShadowPass {
     /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone.
     cull: [Pipeline; 4],
+    /// Chunks that an invocation of these looks at.
+    each: u32,
     blocks_of: Pipeline,
     /// For whole triangles, and for those with cutouts.
     drawings: [Drawing; 2],
@@ -150,10 +152,13 @@ impl Drawing {
 impl ShadowPass {
     /// `depth_elements`: pixels that the depth maps of one batch may take together.
     pub(super) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
-        let cull = |which| gpu.pipeline(shaders::SHADOW_CULL, &[which, FIRST_PIXELS.to_bits()]);
+        let each = if gpu.info().kind == "CPU" { 8 } else { 1 };
+        let cull =
+            |which| gpu.pipeline(shaders::SHADOW_CULL, &[which, FIRST_PIXELS.to_bits(), each]);
         Ok(Self {
             cull: [cull(0)?, cull(1)?, cull(2)?, cull(3)?],
             blocks_of: gpu.pipeline(shaders::DEPTH_BLOCKS, &[])?,
+            each,
             drawings: [false, true].map(|masked| Drawing { masked, made: None }),
             heads: Heads::new(gpu, "shadow lists", 4)?,
             views: gpu.buffer(
@@ -315,7 +320,7 @@ impl ShadowPass {
                 cmd.dispatch(
                     &self.cull[which as usize],
                     &push,
-                    [chunks.count(), views as u32, 1],
+                    [chunks.count().div_ceil(self.each), views as u32, 1],
                 );
             }
             self.heads.finish(cmd, &CHUNKS);
