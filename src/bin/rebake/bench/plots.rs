@@ -173,9 +173,11 @@ impl Axis {
     /// Round numbers on it, as places.
     fn ticks(&self) -> Vec<f64> {
         if !self.logarithmic {
-            let step = 10f64.powf((0.4 * (self.high - self.low)).log10().floor());
-            let most = (self.high - self.low) / step;
-            let step = step * if most > 10.0 { 5.0 } else { 2.0 };
+            let wide = self.high - self.low;
+            let tenth = 10f64.powf(wide.log10().floor() - 1.0);
+            let steps = [1.0, 2.0, 5.0, 10.0].map(|s| s * tenth);
+            let step = steps.into_iter().find(|s| wide / s <= 8.0);
+            let step = step.unwrap_or(20.0 * tenth);
             let first = (self.low / step).ceil();
             let ticks = (0..16).map(|i| (first + f64::from(i)) * step);
             return ticks.filter(|t| *t <= self.high).collect();
@@ -355,6 +357,6 @@ mod tests {
         assert_eq!(labels[..4], ["10 k", "20 k", "50 k", "100 k"]);
         let axis = Axis::new([3.0, 5.0].into_iter(), true);
         assert_eq!((axis.low, axis.logarithmic), (0.0, false));
-        assert_eq!(axis.ticks(), [0.0, 2.0, 4.0]);
+        assert_eq!(axis.ticks(), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
     }
 }
