@@ -77,7 +77,10 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
         }
         figures.scenes.push(scene);
     }
-    console.say(&tables::overview(&figures.scenes))?;
+    let parts = &plan.parts;
+    if parts.contains(&Part::Table) || parts.contains(&Part::Response) {
+        console.say(&tables::overview(&figures.scenes))?;
+    }
     let json = serde_json::to_vec_pretty(&figures).context("writing the figures")?;
     if let Some(path) = &command.output {
         write_whole(path, &json)?;
