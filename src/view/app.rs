@@ -10,7 +10,7 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::window::WindowId;
 
-use super::ViewError;
+use super::{Source, ViewError};
 use crate::bake::Job;
 use crate::gpu::GpuOptions;
 use open::{Next, Open};
@@ -20,8 +20,8 @@ const FILE_WATCH: Duration = Duration::from_secs(1);
 
 /// What the window is to show.
 pub struct WindowOptions {
-    /// The scene's file.
-    pub scene: PathBuf,
+    /// The scene.
+    pub scene: Source,
     /// Width and height, pixels.
     pub size: [u32; 2],
     /// Time for updates per frame.

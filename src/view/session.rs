@@ -15,7 +15,6 @@ use super::{Note, ViewError};
 use crate::bake::{BakeError, Baker, Limit, Progress};
 use crate::gpu::GpuError;
 use crate::lightmap::Lightmap;
-use crate::scene::Scene;
 use crate::scene::edit::{Command, Edit};
 
 /// Share of the time that bringing the shown map up to date may take.
@@ -41,12 +40,12 @@ pub(super) fn run(
         let (scene, document) = (setup.scene.clone(), setup.document.clone());
         let baker = Baker::new(&setup.gpu, scene, document, &setup.job, shared)?;
         let session = Session::new(&setup, baker, before, inbox, shared)?;
-        let Some((again, path)) = session.work()? else {
+        let Some(again) = session.work()? else {
             return Ok(());
         };
         before = again;
         // A file that is just being written is tried again when it changes again.
-        match Scene::load(&path).and_then(|(s, d)| s.validate().map(|()| (s, d))) {
+        match setup.source.load() {
             Ok((scene, document)) => {
                 setup.scene = scene;
                 setup.document = document;
@@ -140,8 +139,8 @@ impl<'a> Session<'a> {
         Ok(session)
     }
 
-    /// Until the window closes (none), or a file is to be loaded.
-    fn work(mut self) -> Result<Option<(Arc<Shown>, PathBuf)>, ViewError> {
+    /// Until the window closes (none), or the file is to be loaded again.
+    fn work(mut self) -> Result<Option<Arc<Shown>>, ViewError> {
         loop {
             let idle = (self.paused && self.single == 0) || self.baker.is_converged();
             let mut next = if idle {
@@ -153,7 +152,7 @@ impl<'a> Session<'a> {
             while let Some(request) = next.take() {
                 match request {
                     Request::Close => return Ok(None),
-                    Request::Reload(path) => return Ok(Some((self.shown, path))),
+                    Request::Reload => return Ok(Some(self.shown)),
                     Request::Drag(edit, first) => {
                         // Only the newest place counts of those that are waiting.
                         let (mut edit, mut first) = (edit, first);
@@ -212,7 +211,7 @@ impl<'a> Session<'a> {
                 self.sketch()?;
             }
             // The window's state says so already; these end `work`.
-            Request::Live(_) | Request::Close | Request::Reload(_) | Request::Drag(..) => {}
+            Request::Live(_) | Request::Close | Request::Reload | Request::Drag(..) => {}
         }
         self.publish();
         Ok(())

@@ -14,7 +14,7 @@ use super::overlays::{Overlays, Sketch};
 use super::reference::Reference;
 use super::shown::Shown;
 use super::textures::Samplers;
-use super::{Note, session};
+use super::{Note, Source, session};
 use crate::bake::{Job, Listener, Progress, Stage};
 use crate::gpu::Gpu;
 use crate::scene::edit::{Command, Edit};
@@ -46,8 +46,8 @@ pub enum Request {
     SaveHistory(PathBuf),
     /// Write the edited scene.
     SaveScene(PathBuf),
-    /// Load another version of the scene's file.
-    Reload(PathBuf),
+    /// Load the scene's file again.
+    Reload,
     /// End.
     Close,
 }
@@ -142,6 +142,8 @@ pub struct Setup {
     pub scene: Scene,
     /// What it was read from.
     pub document: Document,
+    /// Where it is loaded from again.
+    pub source: Source,
     /// How.
     pub job: Job,
     /// Where files that edits add are looked up.

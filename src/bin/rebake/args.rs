@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::{Parser, Subcommand};
 use rebake::bake::Quality;
 
-use super::values::{count, positive};
+use super::values::{count, numbers, positive};
 
 /// Bakes lightmaps from glTF scenes by many-light global illumination.
 #[derive(Parser)]
@@ -204,15 +204,6 @@ fn duration(text: &str) -> Result<Duration, String> {
         return Err("must be above 0".into());
     }
     Duration::try_from_secs_f64(seconds).map_err(|_| "is too long".into())
-}
-
-fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
-    let parts: Result<Vec<f32>, _> = text.split(',').map(|p| p.trim().parse::<f32>()).collect();
-    parts
-        .ok()
-        .filter(|p| p.iter().all(|v| v.is_finite()))
-        .and_then(|p| p.try_into().ok())
-        .ok_or_else(|| format!("write {N} numbers with commas between them"))
 }
 
 #[cfg(test)]

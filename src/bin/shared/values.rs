@@ -36,6 +36,15 @@ pub fn count(text: &str) -> Result<u64, String> {
 /// No count makes sense beyond this.
 const MOST: u64 = 4_000_000_000;
 
+pub fn numbers<const N: usize>(text: &str) -> Result<[f32; N], String> {
+    let parts: Result<Vec<f32>, _> = text.split(',').map(|p| p.trim().parse::<f32>()).collect();
+    parts
+        .ok()
+        .filter(|p| p.iter().all(|v| v.is_finite()))
+        .and_then(|p| p.try_into().ok())
+        .ok_or_else(|| format!("write {N} numbers with commas between them"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

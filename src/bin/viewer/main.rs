@@ -13,7 +13,6 @@ use clap::Parser as _;
 use rebake::bake::{Baker, Job, Options, Silent};
 use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::AtlasOptions;
-use rebake::scene::Scene;
 use rebake::view::script::Line;
 use rebake::view::{Headless, HeadlessOptions, Reference, WindowOptions, reference, run_window};
 
@@ -38,7 +37,7 @@ fn run(args: &Args) -> anyhow::Result<()> {
     let (Some(script), Some(folder)) = (&args.script, &args.frames_dir) else {
         let folder = args.output.clone();
         return Ok(run_window(WindowOptions {
-            scene: args.scene.clone(),
+            scene: args.source(),
             size: args.size.0,
             slice: args.frame(),
             job: job(args),
@@ -53,9 +52,8 @@ fn run(args: &Args) -> anyhow::Result<()> {
     let lines = Line::parse_all(&text).map_err(|(line, error)| {
         anyhow::Error::new(error).context(format!("{} line {line}", script.display()))
     })?;
-    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || Scene::load(&args.scene));
+    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || args.source().load());
     let (scene, document) = loaded?;
-    scene.validate()?;
     let gpu = gpu?;
     let mut job = job(args);
     let reference = match &args.reference {

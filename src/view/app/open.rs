@@ -19,7 +19,6 @@ use super::super::textures::Samplers;
 use super::super::worker::{Request, Setup, Status, Worker};
 use super::{FILE_WATCH, WindowOptions};
 use crate::gpu::Gpu;
-use crate::scene::Scene;
 use crate::transport::SceneBvh;
 
 /// While nothing moves, frames take this share of the time at most: the rest is the bake's.
@@ -78,14 +77,13 @@ impl Open {
             .map_err(|e| ViewError::Window(e.to_string()))?;
         let window = Arc::new(window);
         // The driver starts while the file is read.
-        let (path, reference) = (options.scene.clone(), options.reference.clone());
+        let (source, reference) = (options.scene.clone(), options.reference.clone());
         let mut job = options.job.clone();
         let load = std::thread::spawn(move || -> Result<_, ViewError> {
-            let (scene, document) = Scene::load(&path)?;
-            scene.validate()?;
+            let (scene, document) = source.load()?;
             let reference = match &reference {
                 Some(folder) => {
-                    reference::adopt(&mut job, folder, &path, &scene)?;
+                    reference::adopt(&mut job, folder, &source.path, &scene)?;
                     Some(Arc::new(Reference::load(folder)?))
                 }
                 None => None,
@@ -109,7 +107,7 @@ impl Open {
             None,
         )?);
         frames.show(&shown)?;
-        let files = Files::new(options.scene.clone(), options.folder.clone());
+        let files = Files::new(options.scene.path.clone(), options.folder.clone());
         let mut viewer = Viewer::new(&shown, files, options.slice);
         viewer.has_reference = reference.is_some();
         let setup = Setup {
@@ -119,8 +117,10 @@ impl Open {
             document,
             job,
             reference,
+            source: options.scene.clone(),
             folder: options
                 .scene
+                .path
                 .parent()
                 .map_or_else(PathBuf::new, PathBuf::from),
             slice: options.slice,
@@ -148,7 +148,7 @@ impl Open {
             live: false,
             dirty: true,
             asked: true,
-            watched: (Instant::now(), modified(&options.scene)),
+            watched: (Instant::now(), modified(&options.scene.path)),
             egui_wants: None,
         })
     }
@@ -244,7 +244,7 @@ impl Open {
     }
 
     fn title(&self, options: &WindowOptions) {
-        let name = options.scene.file_name().unwrap_or_default();
+        let name = options.scene.path.file_name().unwrap_or_default();
         let state = match (
             &self.status.preparing,
             self.status.converged,
@@ -271,10 +271,10 @@ impl Open {
             return;
         }
         self.watched.0 = Instant::now();
-        let found = modified(&options.scene);
+        let found = modified(&options.scene.path);
         if found.is_some() && found != self.watched.1 {
             self.watched.1 = found;
-            self.worker.send(Request::Reload(options.scene.clone()));
+            self.worker.send(Request::Reload);
         }
     }
 

@@ -61,7 +61,7 @@ pub(super) fn inspector(
         materials.dedup();
         for material in materials {
             ui.separator();
-            surface(viewer, ui, shown, material);
+            surface(viewer, ui, shown, object as u32, material);
         }
     }
 }
@@ -247,7 +247,7 @@ fn light_edit(node: u32, intensity: Option<f32>, color: Option<Vec3>, spot: Opti
     }
 }
 
-fn surface(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, index: u32) {
+fn surface(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, object: u32, index: u32) {
     let material = &shown.scene.materials[index as usize];
     let Some(source) = material.source else {
         ui.weak("the default material");
@@ -279,6 +279,19 @@ fn surface(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, index: u32) {
                 glow = Some(strength);
                 first &= is_first;
             }
+            // What an image leaves of it is not known here.
+            if emits > 0.0 && material.emission_texture.is_none() {
+                let per_unit = lumens_per_nit(shown, object, index);
+                let before = emits * per_unit;
+                let mut lumens = before;
+                let speed = (lumens * 0.01).max(0.01);
+                let field = number_field(&mut lumens).speed(speed).range(0.0..=1e9);
+                let response = ui.add(field.suffix(" lm"));
+                if let Some(is_first) = changed(&response, before.into(), lumens.into()) {
+                    glow = Some(lumens / per_unit.max(f32::MIN_POSITIVE));
+                    first &= is_first;
+                }
+            }
         });
         if base.is_none() && glow.is_none() {
             return;
@@ -296,6 +309,27 @@ fn surface(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, index: u32) {
         };
         viewer.ask(Request::Drag(edit, first));
     });
+}
+
+/// Lumens that an object's surfaces of a material send out, per cd/m² of its strongest channel.
+fn lumens_per_nit(shown: &Shown, object: u32, material: u32) -> f32 {
+    let (scene, place) = (
+        &shown.scene,
+        &shown.scene.objects[object as usize].transform,
+    );
+    let (mesh, looks) = (scene.mesh(object), &scene.materials[material as usize]);
+    let own = mesh.primitives.iter().filter(|p| p.material == material);
+    let triangles = own.flat_map(|p| p.triangles.clone());
+    let area: f32 = triangles
+        .map(|t| {
+            let corners = mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
+            let [a, b, c] = corners.map(|p| place.transform_point3(p));
+            0.5 * (b - a).cross(c - a).length()
+        })
+        .sum();
+    let sides = if looks.double_sided { 2.0 } else { 1.0 };
+    let bright = looks.emission.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    std::f32::consts::PI * sides * area * bright / looks.emission.max_element()
 }
 
 /// The largest channel of a material's emissive factor, which its strength multiplies; 1 where that is 0.
