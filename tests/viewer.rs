@@ -269,6 +269,19 @@ fn errors_are_told_against_a_reference_of_the_same_texels() {
 }
 
 #[test]
+fn lights_that_are_added_shine() {
+    let script = concat!(
+        "{\"do\":\"exposure\",\"ev\":9}\n",
+        "{\"do\":\"wait\",\"until\":\"converged\"}\n{\"do\":\"frame\"}\n",
+    );
+    let without = play("without", script);
+    let more = ["--sun", "20,180,20000", "--point", "0,1,0,100"];
+    let with = play_with("with", script, &cornell(), &more);
+    let [without, with] = [&without, &with].map(|p| around(&p[0], 0.5, 0.3));
+    assert!(with[0] > without[0] + 20.0, "{without:?} {with:?}");
+}
+
+#[test]
 fn says_in_a_line_what_is_wrong() {
     let folder = tempfile::tempdir().expect("a folder");
     let walk = folder.path().join("walk.jsonl");

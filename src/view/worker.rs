@@ -159,7 +159,13 @@ impl Worker {
     pub fn start(setup: Setup, shown: Arc<Shown>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let (requests, inbox) = channel();
         let shared = Arc::new(Shared {
-            state: Mutex::default(),
+            state: Mutex::new(State {
+                status: Status {
+                    preparing: Some("scene"),
+                    ..Status::default()
+                },
+                ..State::default()
+            }),
             drawn: Condvar::new(),
             wake: Box::new(wake),
         });

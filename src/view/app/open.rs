@@ -25,6 +25,8 @@ use crate::transport::SceneBvh;
 const IDLE_SHARE: u32 = 8;
 /// While nothing moves, frames follow each other no faster.
 const IDLE_PAUSE: Duration = Duration::from_millis(33);
+/// Nor slower, if there is something new.
+const IDLE_LONGEST: Duration = Duration::from_secs(1);
 
 /// When a frame is due.
 pub(super) enum Next {
@@ -167,7 +169,7 @@ impl Open {
             wake = wake.min(wanted);
             self.dirty |= wanted <= now;
         }
-        let due = self.last + (self.cost * IDLE_SHARE).max(IDLE_PAUSE);
+        let due = self.last + (self.cost * IDLE_SHARE).clamp(IDLE_PAUSE, IDLE_LONGEST);
         if self.live || self.asked || (self.dirty && due <= now) {
             if seen {
                 return Ok(Next::Now);
