@@ -49,6 +49,33 @@ fn check_nesting(slices: &[&Value]) {
     }
 }
 
+/// Fails unless the counts of a bake.json agree with each other.
+fn check_counts(report: &Value) {
+    let number = |path: &str| {
+        let value = report.pointer(path).and_then(Value::as_u64);
+        value.unwrap_or_else(|| panic!("{path} is no number"))
+    };
+    let sum = |path: &str| -> u64 {
+        let parts = report.pointer(path).and_then(Value::as_object);
+        let parts = parts.unwrap_or_else(|| panic!("{path} is no object"));
+        parts.values().filter_map(Value::as_u64).sum()
+    };
+    let pairs = sum("/counts/pairs");
+    assert!(pairs > 0 && pairs <= number("/counts/offered_pairs"));
+    // The lamp's shadows are soft: 13 lookups a pair, not one.
+    let taps = sum("/counts/taps");
+    assert!(taps > pairs && taps <= 13 * pairs, "{taps} of {pairs}");
+    let [maps, faces, drawn, all] = ["maps", "faces", "triangles", "offered"]
+        .map(|name| number(&format!("/counts/shadows/{name}")));
+    assert_eq!(maps, number("/counts/accumulated"));
+    assert_eq!(faces, 5 * maps);
+    // 32 triangles in the Cornell box.
+    assert_eq!(all, faces * number("/counts/triangles"));
+    assert!(drawn > 0 && drawn <= all);
+    assert!(number("/memory/device/lightmap sums") >= 24 * number("/counts/texels"));
+    assert!(sum("/memory/device") >= number("/memory/device_peak"));
+}
+
 fn read(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).expect("a file")).expect("JSON")
 }
@@ -118,6 +145,7 @@ fn a_trace_holds_the_bake_on_one_time_line() {
         let sum = sums.entry(pass["name"].as_str().unwrap()).or_default();
         *sum = (sum.0 + 1, sum.1 + pass["dur"].as_f64().unwrap() * 1e-3);
     }
+    check_counts(&report);
     let timings = report["gpu"].as_array().unwrap();
     assert_eq!(timings.len(), sums.len());
     for timing in timings {
