@@ -43,6 +43,8 @@ pub(super) struct Frames {
     coarse: u32,
     /// What has been drawn coarsely: drivers compile what is drawn for the first time.
     warm: BTreeSet<Look>,
+    /// When something moved last.
+    moved: Option<Instant>,
 }
 
 /// What a frame came to.
@@ -54,7 +56,12 @@ pub(super) struct Drawn {
     pub shown: bool,
     /// The panels want another frame by then.
     pub again: Option<Duration>,
+    /// What has moved is drawn finely then, unless it moves again.
+    pub fine: Option<Duration>,
 }
+
+/// What has moved may be about to move again: it stays coarse for so long.
+const REST: Duration = Duration::from_millis(150);
 
 impl Frames {
     pub(super) fn new(gpu: &Gpu, window: &Arc<Window>, size: [u32; 2]) -> Result<Self, ViewError> {
@@ -86,6 +93,7 @@ impl Frames {
             pace: Pace::default(),
             coarse: 1,
             warm: BTreeSet::new(),
+            moved: None,
         })
     }
 
@@ -167,13 +175,20 @@ impl Frames {
             quit: outcome.quit,
             shown: false,
             again,
+            fine: None,
         };
         let Some(frame) = self.swapchain.acquire()? else {
             return Ok(drawn);
         };
         let primitives = self.egui.tessellate(output.shapes, output.pixels_per_point);
         let timings = self.gpu.timings();
-        self.coarse = self.pace.coarse(outcome.live, self.coarse, &timings);
+        if outcome.live {
+            self.moved = Some(Instant::now());
+        }
+        let rest = self.moved.map(|m| REST.saturating_sub(m.elapsed()));
+        let rest = rest.filter(|rest| !rest.is_zero() && !outcome.screenshot);
+        self.coarse = self.pace.coarse(rest.is_some(), self.coarse, &timings);
+        drawn.fine = rest.filter(|_| self.coarse > 1 && !outcome.live);
         let shot = Shot {
             coarse: self.coarse,
             pose: viewer.pose,

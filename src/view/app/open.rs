@@ -60,6 +60,8 @@ pub(super) struct Open {
     pub(super) asked: bool,
     watched: (Instant, Option<SystemTime>),
     pub(super) egui_wants: Option<Instant>,
+    /// When what has moved is to be drawn finely.
+    fine: Option<Instant>,
 }
 
 impl Open {
@@ -152,6 +154,7 @@ impl Open {
             asked: true,
             watched: (Instant::now(), modified(&options.scene.path)),
             egui_wants: None,
+            fine: None,
         })
     }
 
@@ -168,6 +171,10 @@ impl Open {
         if let Some(wanted) = self.egui_wants {
             wake = wake.min(wanted);
             self.dirty |= wanted <= now;
+        }
+        if let Some(fine) = self.fine {
+            wake = wake.min(fine);
+            self.asked |= fine <= now;
         }
         let due = self.last + (self.cost * IDLE_SHARE).clamp(IDLE_PAUSE, IDLE_LONGEST);
         if self.live || self.asked || (self.dirty && due <= now) {
@@ -220,6 +227,7 @@ impl Open {
             self.live = drawn.live;
             self.worker.send(Request::Live(self.live));
         }
+        self.fine = drawn.fine.map(|after| Instant::now() + after);
         self.egui_wants = drawn.again.map(|after| Instant::now() + after);
         self.drawn |= drawn.shown;
         self.dirty |= !drawn.shown;
