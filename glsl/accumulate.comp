@@ -13,8 +13,7 @@ layout(local_size_x_id = 2) in;
 layout(constant_id = 0) const uint FORM = FORM_CLIPPED;
 // Percentage-closer soft shadows for direct lights (VPL13 section 6); otherwise one tap.
 layout(constant_id = 1) const bool SOFT = false;
-// Lights are differences between two versions of the scene: geometry is evaluated once, visibility in both.
-layout(constant_id = 3) const bool DIFFERENCE = false;
+const bool OWN_VIEW = SOFT || FORM == FORM_PUNCTUAL || FORM == FORM_DIRECTIONAL;
 const bool AREA = FORM == FORM_POLYGON || FORM == FORM_CLIPPED || FORM == FORM_DISK;
 
 #include "visibility.glsl"
@@ -71,10 +70,21 @@ float transfer(Light light, vec3 p, vec3 n, float factor) {
     return height > 1e-5 * light.radius ? max(0.0, factor) / light.area : 0.0;
 }
 
-// Visibility between 0 and 1.
-float smooth_visibility(Light light, View view, vec3 p, vec3 face, Clearance clearance) {
+// Where receivers do not share a view, or more than one place of it is looked at.
+float visibility(Light light, uint index, vec3 p, vec3 face, Clearance clearance) {
+    View view = views.at[index];
     if (FORM == FORM_DIRECTIONAL) return parallel_visibility(depth, view, p, face, clearance, bias);
-    return soft_visibility(depth, view, p, face, clearance, light.radius, bias);
+    if (FORM == FORM_PUNCTUAL) {
+        // A point has two hemicubes, back to back.
+        View back = views.at[light.kind == LIGHT_POINT ? index + 1 : index];
+        bool behind = dot(view.z, p - view.origin) < 0.0;
+        view.x = behind ? back.x : view.x;
+        view.y = behind ? back.y : view.y;
+        view.z = behind ? back.z : view.z;
+        view.offset = behind ? back.offset : view.offset;
+    }
+    if (SOFT) return soft_visibility(depth, view, p, face, clearance, light.radius, bias);
+    return visibility(depth, view.offset, sight(view, p, face, clearance, bias));
 }
 
 // Fixed-point sums of a batch in two halves of 32 bits: 64-bit arithmetic waits until its end. Values beyond 2^49 units
@@ -116,9 +126,11 @@ void main() {
         mask &= mask - 1;
         Light light = lights.at[i];
         View front = views.at[light.view];
-        uint other = DIFFERENCE ? views.at[light.other_view].offset : front.offset;
-        float comes = DIFFERENCE ? (stands(instance, light.version) ? 1.0 : 0.0) : float(light.sign);
-        float goes = DIFFERENCE && stands(instance, light.other) ? -1.0 : 0.0;
+        // What a difference was in the other version, it is no more.
+        bool difference = light.other_view != light.view;
+        float comes = difference ? (stands(instance, light.version) ? 1.0 : 0.0) : float(light.sign);
+        float goes = stands(instance, light.other) ? -1.0 : 0.0;
+        uint versions = difference ? 2 : 1;
         vec3 moved[TEXELS];
         float factors[TEXELS];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
@@ -147,36 +159,26 @@ void main() {
             if (FORM == FORM_CLIPPED)
                 [[unroll]] for (uint k = 0; k < TEXELS; ++k) factors[k] += edge(leave[k].direction, enter[k].direction, normals[k]);
         }
+        float values[TEXELS];
+        Sight sights[TEXELS];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
-            vec3 p = moved[k], n = normals[k], f = faces[k];
             // Both, then the choice: on SIMD processors a branch around the loop over edges costs more than the loop.
-            bool dark = hidden(light, positions[k], f);
-            float value = transfer(light, p, n, factors[k]) * scale;
-            value = dark ? 0.0 : value;
-            View view = front;
-            uint other_offset = other;
-            if (FORM == FORM_PUNCTUAL) {
-                // A point has two hemicubes, back to back.
-                View back = views.at[light.kind == LIGHT_POINT ? light.view + 1 : light.view];
-                bool behind = dot(view.z, p - view.origin) < 0.0;
-                view.x = behind ? back.x : view.x;
-                view.y = behind ? back.y : view.y;
-                view.z = behind ? back.z : view.z;
-                view.offset = behind ? back.offset : view.offset;
-                if (DIFFERENCE) {
-                    uint other_back = views.at[light.kind == LIGHT_POINT ? light.other_view + 1 : light.other_view].offset;
-                    other_offset = behind ? other_back : other_offset;
-                }
+            bool dark = hidden(light, positions[k], faces[k]);
+            float value = transfer(light, moved[k], normals[k], factors[k]) * scale;
+            values[k] = dark ? 0.0 : value;
+            if (!OWN_VIEW) sights[k] = sight(front, moved[k], faces[k], clearances[k], bias);
+        }
+        // Once for each version, by the same instructions: only so is what is taken away what was added, to the last bit.
+        uint version = 0;
+        for (;;) {
+            uint index = version == 0 ? light.view : light.other_view;
+            float times = version == 0 ? comes : goes;
+            [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
+                float seen = OWN_VIEW ? visibility(light, index, moved[k], faces[k], clearances[k])
+                                      : visibility(depth, views.at[index].offset, sights[k]);
+                add(light.flux, values[k] * seen, times, high[k], low[k]);
             }
-            if (FORM == FORM_DIRECTIONAL || SOFT) {
-                add(light.flux, value * smooth_visibility(light, view, p, f, clearances[k]), comes, high[k], low[k]);
-                view.offset = other_offset;
-                if (DIFFERENCE) add(light.flux, value * smooth_visibility(light, view, p, f, clearances[k]), goes, high[k], low[k]);
-            } else {
-                // Seen or not: whole units either way.
-                vec2 seen = visibility(depth, view, uvec2(view.offset, other_offset), p, f, clearances[k], bias);
-                add(light.flux, value, seen.x * comes + (DIFFERENCE ? seen.y * goes : 0.0), high[k], low[k]);
-            }
+            if (++version == versions) break;
         }
         if (mask == 0) break;
     }

@@ -3,7 +3,8 @@
 
 struct Setup {
     vec3 edge[3]; // inside: dot(edge, d) >= 0 for all three
-    vec3 value;   // stored depth value = dot(value, d)
+    vec3 value;   // stored depth value = dot(value, d),
+    float most;   // but no more than at the nearest vertex: a sliver's plane is as good as its digits
     vec2 low, high; // bounds of (s, t); valid if bounded
     bool bounded;
     bool empty;
@@ -43,6 +44,8 @@ Setup set_up(Triangle triangle, View view, uint face, Face f) {
     s.empty = determinant == 0.0 || all(lessThanEqual(sw, vec3(0.0)))
         || all(greaterThan(su, sw)) || all(lessThan(su, -sw)) || all(greaterThan(sv, sw)) || all(lessThan(sv, floor_t * sw));
     s.bounded = all(greaterThan(sw, vec3(1e-6)));
+    vec3 nearest = weight / sw;
+    s.most = s.bounded ? max(nearest.x, max(nearest.y, nearest.z)) : 1e30;
     vec3 ps = su / sw, pt = sv / sw;
     s.low = vec2(min(ps.x, min(ps.y, ps.z)), min(pt.x, min(pt.y, pt.z)));
     s.high = vec2(max(ps.x, max(ps.y, ps.z)), max(pt.x, max(pt.y, pt.z)));
@@ -81,6 +84,10 @@ bool stops(Uints bits, Cutout cutout, CutoutPlanes planes, vec3 d) {
 float at(vec3 plane, float s, float t) {
     precise float value = plane.x * s + plane.y * t + plane.z;
     return value;
+}
+
+float depth_at(Setup setup, float s, float t) {
+    return min(at(setup.value, s, t), setup.most);
 }
 
 bool inside(Setup setup, float s, float t) {

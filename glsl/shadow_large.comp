@@ -69,7 +69,7 @@ void main() {
         uint row = base + uint(j) * view.size;
         for (int i = i0; i <= i1; ++i) {
             float x = column_center(uint(i), view.size);
-            float value = at(s.value, x, t);
+            float value = depth_at(s, x, t);
             if (inside(s, x, t) && value > 0.0 && (!MASKED || stops(bits, cutout, planes, vec3(x, t, 1.0))))
                 atomicMax(depth.at[row + uint(i)], floatBitsToUint(value));
         }

@@ -75,7 +75,7 @@ void draw(uint triangle, uint whose, View view, uint face, Face axes) {
     for (uint pixel = columns * rows;;) {
         float x = column_center(first_pixel.x + column, view.size);
         float y = row_center(first_pixel.y + line, view.size, side);
-        float value = at(s.value, x, y);
+        float value = depth_at(s, x, y);
         if (inside(s, x, y) && value > 0.0 && (!MASKED || stops(bits, cutout, planes, vec3(x, y, 1.0))))
             atomicMax(depth.at[row + column], floatBitsToUint(value));
         if (--pixel == 0) break;

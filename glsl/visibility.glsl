@@ -18,6 +18,7 @@ struct Lookup {
 struct Sight {
     uint pixel;  // from the map's first element
     float plane; // distance along the pixel's ray
+    float most;  // the nearness that does not hide the receiver yet
 };
 
 // Along the ray of the pixel that `direction` falls into; the receiver's plane goes through `local` and has the normal `n`,
@@ -46,7 +47,7 @@ Sight sight(uint size, vec3 direction, vec3 local, vec3 n, Lookup at) {
     float along = dot(n, ray);
     // What is no nearer than the receiver hides nothing of it, wherever the ray meets its plane, if at all.
     float far = inversesqrt(dot(ray, ray));
-    return Sight(start + row * size + column, along < 0.0 ? min(plane / along, at.limit * far) : at.range * far);
+    return Sight(start + row * size + column, along < 0.0 ? min(plane / along, at.limit * far) : at.range * far, 1.0 + at.bias);
 }
 
 // That of what is nearest along the ray: above 1 it hides the receiver.
@@ -89,15 +90,15 @@ vec3 to_direction(vec3 local) {
     return vec3(local.xy, max(local.z, 1e-9));
 }
 
-// Whether the light is seen in either of two maps of the same place: 1, or 0.
-vec2 visibility(Uints depth, View view, uvec2 offsets, vec3 p, vec3 n, Clearance clearance, float bias) {
+Sight sight(View view, vec3 p, vec3 n, Clearance clearance, float bias) {
     Lookup at = lookup(view, p, n, clearance, INDIRECT_LIFT, bias);
     vec3 local = to_local(view, at.d);
-    Sight there = sight(view.size, to_direction(local), local, to_local(view, n), at);
-    float most = 1.0 + at.bias;
-    float first = nearness(depth, offsets.x, there) > most ? 0.0 : 1.0;
-    if (!DIFFERENCE) return vec2(first);
-    return vec2(first, nearness(depth, offsets.y, there) > most ? 0.0 : 1.0);
+    return sight(view.size, to_direction(local), local, to_local(view, n), at);
+}
+
+// 1, or 0.
+float visibility(Uints depth, uint offset, Sight sight) {
+    return nearness(depth, offset, sight) > sight.most ? 0.0 : 1.0;
 }
 
 const float SOFT_FURTHEST = 2.0;

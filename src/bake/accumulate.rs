@@ -44,8 +44,8 @@ pub(super) struct Evaluation {
 /// The accumulation passes, their buffers, and the sums themselves.
 pub(super) struct AccumulatePass {
     cull: Pipeline,
-    /// By form, softness, and whether lights are differences; made when first needed.
-    pipelines: BTreeMap<(u32, bool, bool), Pipeline>,
+    /// By form and softness, made when first needed.
+    pipelines: BTreeMap<(u32, bool), Pipeline>,
     heads: Heads,
     lists: Buffer,
     lights: Buffer,
@@ -69,8 +69,6 @@ pub(super) struct Batch<'a> {
     pub regions: &'a [Region],
     /// Percentage-closer soft shadows.
     pub soft: bool,
-    /// All of them are differences between two versions; otherwise all of them are whole lights.
-    pub difference: bool,
 }
 
 #[repr(C)]
@@ -199,7 +197,6 @@ impl AccumulatePass {
             lights,
             regions,
             soft,
-            difference,
         } = batch;
         assert!(
             lights.len() <= BATCH as usize,
@@ -207,8 +204,8 @@ impl AccumulatePass {
         );
         let forms = forms_of(lights);
         for &form in &forms {
-            if let Entry::Vacant(entry) = self.pipelines.entry((form, soft, difference)) {
-                let constants = [form, soft.into(), lanes(gpu), difference.into()];
+            if let Entry::Vacant(entry) = self.pipelines.entry((form, soft)) {
+                let constants = [form, soft.into(), lanes(gpu)];
                 entry.insert(gpu.pipeline(shaders::ACCUMULATE, &constants)?);
             }
         }
@@ -275,7 +272,7 @@ impl AccumulatePass {
                 },
             };
             cmd.scope(scope_name(form, soft), |cmd| {
-                let pipeline = &self.pipelines[&(form, soft, difference)];
+                let pipeline = &self.pipelines[&(form, soft)];
                 self.heads.dispatch(cmd, pipeline, &push, form);
             });
             // The next form may add to the same texels.

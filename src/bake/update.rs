@@ -44,9 +44,9 @@ struct Pending {
 }
 
 impl Pending {
-    /// Which passes evaluate it: those for indirect lights or direct ones, for whole lights or differences.
+    /// Which passes evaluate it: those for indirect lights, or for direct ones.
     fn queue(&self) -> usize {
-        usize::from(self.light.direct) + 2 * usize::from(self.version != self.other)
+        usize::from(self.light.direct)
     }
 }
 
@@ -54,7 +54,7 @@ impl Pending {
 #[derive(Default)]
 struct Queue {
     pending: Vec<Pending>,
-    /// Batches of other queues that were sent since.
+    /// Batches of the other queue that were sent since.
     waited: u32,
 }
 
@@ -68,7 +68,7 @@ pub struct Illumination {
     accumulate: AccumulatePass,
     sizes: ShadowSizes,
     /// By [`Pending::queue`].
-    queues: [Queue; 4],
+    queues: [Queue; 2],
     in_flight: VecDeque<Flight>,
     /// Lights per submission, so that it stays below [`SUBMISSION`].
     batch: usize,

@@ -7,6 +7,7 @@ use super::super::records::{self, ShadowSizes, View};
 use super::super::shadow::ShadowPass;
 use super::super::versions::Versions;
 use super::{Numbers, SIZES, around, bounds, gpu, random_light};
+use crate::cluster::VirtualLight;
 use crate::gpu::Gpu;
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Wrap};
 
@@ -85,6 +86,45 @@ fn depth_maps_hold_the_nearest_triangle_of_every_pixel() {
     let triangles = triangles(&mut numbers, 300);
     let scene = Scene::of_triangles(&triangles);
     compare(&gpu(), &mut numbers, &scene, &triangles, &|_, _, _| true);
+}
+
+/// The plane of a sliver is as good as the digits of its area; what is behind others by its vertices must not come before
+/// them, or what is left out as hidden would make a difference.
+#[test]
+fn slivers_are_no_nearer_than_their_vertices() {
+    let (gpu, mut numbers) = (gpu(), Numbers(3));
+    let light = VirtualLight {
+        position: Vec3::ZERO,
+        normal: Vec3::Z,
+        ..random_light(&mut numbers, 1)
+    };
+    let slivers: Vec<[Vec3; 3]> = (0..4000)
+        .map(|_| {
+            let a = numbers.vector() * 2.0 + Vec3::Z * 6.0;
+            let b = a + numbers.vector() * 3.0;
+            let b = b.with_z(b.z.clamp(4.0, 8.0));
+            [a, b, a.lerp(b, numbers.next()) + numbers.vector() * 1e-6]
+        })
+        .collect();
+    let scene = Scene::of_triangles(&slivers);
+    let occluders = Occluders::new(&gpu, &scene).expect("upload");
+    let mut shadow = ShadowPass::new(&gpu, 1 << 20).expect("buffers");
+    let versions = Versions::new(&gpu, &[true], bounds()).expect("buffers");
+    let (mut views, mut offset) = (Vec::new(), 0);
+    records::record(&light, 1, &SIZES, &around(), &mut views, &mut offset);
+    let mut cmd = gpu.commands().expect("recording");
+    shadow
+        .record(&gpu, &mut cmd, &occluders, versions.address(), &views, true)
+        .expect("recording");
+    let wait = cmd.submit().expect("submission").wait();
+    wait.expect("no validation message");
+    // The face that looks along the normal.
+    let top = (views[0].size * views[0].size) as usize;
+    let depth = shadow.read_depth(top).expect("read-back");
+    let nearest = slivers.iter().flatten().map(|v| v.z).fold(9.0, f32::min);
+    let wrong = depth.iter().filter(|d| **d > 1.00001 / nearest).count();
+    assert_eq!(wrong, 0, "of {top} pixels");
+    assert!(depth.iter().any(|d| *d > 0.0), "something was drawn");
 }
 
 #[test]

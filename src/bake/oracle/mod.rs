@@ -175,7 +175,6 @@ pub(super) fn run(
             lights: &records,
             regions: &[],
             soft: false,
-            difference: false,
         };
         pass.record(
             gpu,

@@ -15,7 +15,7 @@ const SUBMISSION: Duration = Duration::from_millis(400);
 /// Submissions in flight: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
 
-/// Batches of other kinds that a light waits for at most: what comes first is to be seen first.
+/// Batches of the other kind that a light waits for at most: what comes first is to be seen first.
 const PATIENCE: u32 = 2;
 
 impl Illumination {
@@ -64,10 +64,8 @@ impl Illumination {
     /// Sends what is pending, without waiting for it.
     pub fn send(&mut self) -> Result<()> {
         // Direct light first.
-        for queue in [1, 3, 0, 2] {
-            self.send_queue(queue)?;
-        }
-        Ok(())
+        self.send_queue(1)?;
+        self.send_queue(0)
     }
 
     fn send_queue(&mut self, queue: usize) -> Result<()> {
@@ -77,10 +75,9 @@ impl Illumination {
         while self.in_flight.len() >= IN_FLIGHT {
             self.retire()?;
         }
-        let (direct, difference) = (queue % 2, queue >= 2);
-        let soft = direct == 1;
+        let soft = queue == 1;
         let lights = self.queues[queue].pending.len();
-        let _span = tracing::debug_span!("record batch", lights, soft, difference).entered();
+        let _span = tracing::debug_span!("record batch", lights, soft).entered();
         let mut views = Vec::new();
         let mut offset = 0;
         let mut regions: Vec<Region> = Vec::new();
@@ -137,7 +134,6 @@ impl Illumination {
             lights: &lights,
             regions: &regions,
             soft,
-            difference,
         };
         self.accumulate.record(
             &self.gpu,
@@ -148,21 +144,20 @@ impl Illumination {
             &batch,
         )?;
         let mut sent = [0; 2];
-        sent[direct] = lights.len() as u64;
+        sent[queue] = lights.len() as u64;
         self.in_flight.push_back(Flight {
             ticket: cmd.submit()?,
             sent: Instant::now(),
             lights: sent,
         });
-        self.lights[direct] += sent[direct];
+        self.lights[queue] += sent[queue];
         self.queues[queue] = Queue::default();
-        for other in 0..self.queues.len() {
-            let waiting = &mut self.queues[other];
-            if !waiting.pending.is_empty() {
-                waiting.waited += 1;
-                if waiting.waited >= PATIENCE {
-                    self.send_queue(other)?;
-                }
+        let other = 1 - queue;
+        let waiting = &mut self.queues[other];
+        if !waiting.pending.is_empty() {
+            waiting.waited += 1;
+            if waiting.waited >= PATIENCE {
+                return self.send_queue(other);
             }
         }
         Ok(())
@@ -186,8 +181,7 @@ impl Illumination {
 
     /// Lights taken in, indirect and direct ones, and of these those that are in the map.
     pub(in crate::bake) fn taken_and_done(&self) -> ([u64; 2], [u64; 2]) {
-        let waiting = |q: usize| self.queues[q].pending.len() + self.queues[q + 2].pending.len();
-        let taken = [0, 1].map(|q| self.lights[q] + waiting(q) as u64);
+        let taken = [0, 1].map(|q| self.lights[q] + self.queues[q].pending.len() as u64);
         let flying = |q: usize| self.in_flight.iter().map(|f| f.lights[q]).sum::<u64>();
         (taken, [0, 1].map(|q| self.lights[q] - flying(q)))
     }
