@@ -146,6 +146,9 @@ fn hard_edges(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<[bool; 3]> {
     seams
 }
 
+/// Texels by which charts may end past a whole one without taking another: page coordinates are that exact.
+const ROUNDING: f32 = 1e-3;
+
 /// Reads the result back: texels instead of page coordinates, and vertices split by the mesh's own attributes too.
 fn layout(mesh: &Mesh, atlas: &uvunwrap::Atlas) -> (UvLayout, UVec2) {
     let output = &atlas.meshes[0];
@@ -155,8 +158,10 @@ fn layout(mesh: &Mesh, atlas: &uvunwrap::Atlas) -> (UvLayout, UVec2) {
     let mut size = if atlas.chart_count == 0 {
         UVec2::ZERO
     } else {
-        (end - 1e-3).ceil().as_uvec2() + PADDING
+        (end - ROUNDING).ceil().as_uvec2() + PADDING
     };
+    // What the rectangle was not made larger for ends at its last whole texel.
+    let most = (end - ROUNDING).ceil();
     let spare = output.vertices.iter().any(|v| v.chart.is_none()).then(|| {
         // Triangles that no chart could take, nor a neighbour's: one texel below the charts.
         let uv = Vec2::new(PADDING as f32 + 0.5, (size.y + PADDING) as f32 + 0.5);
@@ -175,7 +180,7 @@ fn layout(mesh: &Mesh, atlas: &uvunwrap::Atlas) -> (UvLayout, UVec2) {
                 let vertex = &output.vertices[placed[k] as usize];
                 let uv = match spare {
                     Some(uv) if vertex.chart.is_none() => uv,
-                    _ => Vec2::from(vertex.uv) * scale,
+                    _ => (Vec2::from(vertex.uv) * scale).min(most),
                 };
                 built.vertices.push(UvVertex {
                     source: corners[k],
@@ -270,6 +275,20 @@ mod tests {
             }
         }
         mesh(&positions, &triangles)
+    }
+
+    /// Its longest edge ends 0.0004 texels past a whole one.
+    #[test]
+    fn what_ends_just_past_a_texel_stays_inside() {
+        let positions = [
+            Vec3::new(0.0, 1.0, 2.0),
+            Vec3::ZERO,
+            Vec3::new(3.0, 1.0, 2.0),
+            Vec3::new(-3.0, -3.0, -1.0),
+        ];
+        let mesh = mesh(&positions, &[[0, 1, 1], [2, 3, 0]]);
+        let (layout, size) = unwrap(&mesh, &mesh.positions, 1.0243483, 4096).unwrap();
+        check(&mesh, &layout, size);
     }
 
     #[test]
