@@ -55,6 +55,9 @@ as_root() {
     fi
 }
 
+# apt-get that asks nothing, says little and waits for its lock.
+apt=(env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0 -o DPkg::Lock::Timeout=300)
+
 # installed PACKAGE: is it installed?
 installed() { [ "$(dpkg-query -W -f '${db:Status-Status}' "$1" 2>/dev/null)" = installed ]; }
 
@@ -65,7 +68,6 @@ need() {
     for package in "$@"; do installed "$package" || missing+=("$package"); done
     [ "${#missing[@]}" = 0 ] && return 0
     say "installing ${missing[*]}"
-    local apt=(env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0 -o DPkg::Lock::Timeout=300)
     local install=("${apt[@]}" install -y --no-install-recommends "${missing[@]}")
     # The package lists are fetched only when the ones at hand do not do.
     as_root "${install[@]}" >/dev/null 2>&1 </dev/null && return 0
@@ -74,27 +76,44 @@ need() {
         fail "could not install ${missing[*]}: install them by hand (as root: apt-get install ${missing[*]}), then run this again"
 }
 
+# at_least VERSION: is that version of Rust at least the one that Cargo.toml asks for?
+at_least() { [ "$(printf '%s\n' "$rust_needed" "$1" | sort -V | head -n1)" = "$rust_needed" ]; }
+
 # new_enough: is the cargo found at least the one that Cargo.toml asks for?
 new_enough() {
     local found
     found="$(cd "$root" && cargo --version 2>/dev/null)" || return 1
-    found="$(cut -d' ' -f2 <<<"$found")"
-    [ "$(printf '%s\n' "$rust_needed" "$found" | sort -V | head -n1)" = "$rust_needed" ]
+    at_least "$(cut -d' ' -f2 <<<"$found")"
 }
 
-# need_rust: a cargo that is new enough, from the path, from rustup's home, or fresh by rustup.
+# Debian 12 carries a current Rust beside its own old one, for the browsers it builds.
+rust_packages=(rustc-web cargo-web rustfmt-web rust-web-clippy)
+
+# debian_rust: Rust from Debian, where Debian's is new enough and takes the place of nothing installed.
+debian_rust() {
+    command -v apt-cache >/dev/null || return 1
+    local offered
+    offered="$(apt-cache policy cargo-web 2>/dev/null | sed -n 's/^ *Candidate: *\([0-9][0-9.]*\).*/\1/p')"
+    at_least "${offered:-0}" || return 1
+    say "installing Rust $offered from Debian"
+    as_root "${apt[@]}" install -y --no-install-recommends --no-remove "${rust_packages[@]}" >/dev/null 2>&1 </dev/null && new_enough
+}
+
+# need_rust: a cargo that is new enough, from the path, from rustup's home, or fresh, from Debian or by rustup.
 need_rust() {
     new_enough && return 0
     PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
     export PATH
     new_enough && return 0
-    if command -v rustup >/dev/null; then
+    if ! command -v rustup >/dev/null && debian_rust; then
+        return 0
+    elif command -v rustup >/dev/null; then
         say "installing the stable Rust toolchain ($rust_needed or newer is needed)"
         quietly rustup toolchain install stable --profile minimal --no-self-update ||
             fail "rustup could not install it: run 'rustup toolchain install stable', then run this again"
         export RUSTUP_TOOLCHAIN=stable
     else
-        say "installing Rust by rustup ($rust_needed or newer is needed; Debian's is older)"
+        say "installing Rust by rustup ($rust_needed or newer is needed)"
         need ca-certificates curl
         local script
         script="$(mktemp)"
