@@ -89,13 +89,19 @@ new_enough() {
 # Debian 12 carries a current Rust beside its own old one, for the browsers it builds.
 rust_packages=(rustc-web cargo-web rustfmt-web rust-web-clippy)
 
+# debian_offers: the version of that Rust that apt's package lists name, or 0.
+debian_offers() {
+    local offered
+    offered="$(apt-cache policy cargo-web 2>/dev/null | sed -n 's/^ *Candidate: *\([0-9][0-9.]*\).*/\1/p')"
+    printf '%s\n' "${offered:-0}"
+}
+
 # debian_rust: Rust from Debian, where Debian's is new enough and takes the place of nothing installed.
 debian_rust() {
     command -v apt-cache >/dev/null || return 1
-    local offered
-    offered="$(apt-cache policy cargo-web 2>/dev/null | sed -n 's/^ *Candidate: *\([0-9][0-9.]*\).*/\1/p')"
-    at_least "${offered:-0}" || return 1
-    say "installing Rust $offered from Debian"
+    at_least "$(debian_offers)" || as_root "${apt[@]}" update >/dev/null 2>&1 </dev/null || return 1
+    at_least "$(debian_offers)" || return 1
+    say "installing Rust $(debian_offers) from Debian"
     as_root "${apt[@]}" install -y --no-install-recommends --no-remove "${rust_packages[@]}" >/dev/null 2>&1 </dev/null && new_enough
 }
 
