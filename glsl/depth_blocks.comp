@@ -3,8 +3,12 @@
 // Greene, Kass and Miller 1993).
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
+#include "view.glsl"
 
 layout(local_size_x = 64) in;
+
+// Views have limits.
+layout(constant_id = 0) const bool LIMITED = false;
 
 layout(push_constant, scalar) uniform Push {
     Views views;
@@ -18,9 +22,17 @@ void main() {
     if (block >= VIEW_BLOCKS) return;
     uint size = views.at[view].size;
     uint edge = size / BLOCKS;
-    // What cannot be cut into blocks hides nothing.
+    // What cannot be cut into blocks hides nothing, nor what is not asked for.
     float farthest = 0.0;
-    if (views.at[view].kind == VIEW_HEMICUBE && edge * BLOCKS == size) {
+    bool asked = views.at[view].kind == VIEW_HEMICUBE && edge * BLOCKS == size;
+    if (LIMITED) {
+        uint row = block / BLOCKS, face = row < BLOCKS ? 0 : 1 + (row - BLOCKS) / (BLOCKS / 2);
+        uvec2 first = uvec2(block % BLOCKS, face == 0 ? row : (row - BLOCKS) % (BLOCKS / 2)) * edge;
+        Span span = asked_pixels(views.at[view], face, face != 0, true);
+        vec2 low = vec2(first), high = vec2(first + edge - 1);
+        asked = asked && all(greaterThanEqual(low, span.first)) && all(lessThanEqual(high, span.last));
+    }
+    if (asked) {
         // Rows of blocks follow each other from face to face as rows of pixels do.
         uint pixel = views.at[view].offset + (block / BLOCKS * edge) * size + block % BLOCKS * edge;
         farthest = 1e30;

@@ -13,8 +13,12 @@ const uint ALL = 0, FIRST = 1, REST = 2, OWN = 3;
 layout(constant_id = 0) const uint WHICH = ALL;
 // Pixels that a triangle covers on average if its chunk is drawn first. Many small triangles hide little for their cost.
 layout(constant_id = 1) const float PIXELS = 16.0;
-// Chunks an invocation: they share the reading of the view.
+// Chunks an invocation, at most 6: they share the reading of the view.
 layout(constant_id = 2) const uint EACH = 1;
+// Views have limits.
+layout(constant_id = 3) const bool LIMITED = false;
+
+const uint FACES = 5;
 
 layout(push_constant, scalar) uniform Push {
     Chunks chunks;
@@ -32,13 +36,6 @@ bool is_first(View view, vec3 offset, vec3 extent, uint count) {
     return reach * reach >= PIXELS * float(count) * dot(offset, offset);
 }
 
-// Whether everything in a box lies behind what is seen in each of the pixels that it can touch.
-bool hidden(uint view, uint face, Face f, vec3 offset, vec3 extent) {
-    vec3 center = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
-    vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent));
-    return covered(blocks, view, face, center, half_size, 1.0001, false);
-}
-
 // Whether a box around `offset` from the view's origin touches what the view is limited to.
 bool matters(View view, vec3 offset, vec3 extent) {
     vec4 limit = view.limit;
@@ -52,44 +49,77 @@ bool matters(View view, vec3 offset, vec3 extent) {
     return angle <= limit.w + asin(radius / distance) + 1e-3;
 }
 
-void cull(uint chunk, uint index, View view) {
-    Instance instance = instances.at[chunks.at[chunk].instance];
-    if (!stands(instance, view.version)) return;
-    bool in_both = stands(instance, view.other);
-    if (WHICH == OWN ? in_both : !in_both || view.borrows != 0) return;
-    vec3 offset = chunks.at[chunk].center - view.origin;
-    vec3 extent = chunks.at[chunk].extent;
-    if (!matters(view, offset, extent)) return;
-    bool hemicube = view.kind == VIEW_HEMICUBE;
-    bool first = (WHICH == FIRST || WHICH == REST) && hemicube && is_first(view, offset, extent, chunks.at[chunk].count);
-    if (WHICH == FIRST && !first || WHICH == REST && first) return;
-    uint faces = hemicube ? 5 : 1;
-    for (uint face = 0; face < faces; ++face) {
-        Face f = face_axes(face, view.x, view.y, view.z);
-        bool seen;
-        if (hemicube) {
-            // The box lies wholly beyond one of the planes u = w, u = -w, v = w, v = -w (side faces: v = 0).
-            vec3 n0 = f.w - f.u, n1 = f.w + f.u, n2 = f.w - f.v, n3 = face == 0 ? f.w + f.v : f.v;
-            seen = dot(n0, offset) + dot(abs(n0), extent) > 0.0 && dot(n1, offset) + dot(abs(n1), extent) > 0.0
-                && dot(n2, offset) + dot(abs(n2), extent) > 0.0 && dot(n3, offset) + dot(abs(n3), extent) > 0.0;
-        } else {
-            seen = abs(dot(view.x, offset)) - dot(abs(view.x), extent) < 1.0 && abs(dot(view.y, offset)) - dot(abs(view.y), extent) < 1.0;
-        }
-        if (WHICH == REST && hemicube) seen = seen && !hidden(index, face, f, offset, extent);
-        if (!seen) continue;
-        list.at[atomicAdd(head.at[0].entries, 1)] = uvec2(chunk, index * 8 + face);
-        atomicAdd(head.at[0].weight, chunks.at[chunk].count);
-    }
+// On which sides of the plane through the origin some of a box lies: in front, behind.
+bvec2 sides(vec3 plane, vec3 offset, vec3 extent) {
+    float at = dot(plane, offset), reach = dot(abs(plane), extent);
+    return bvec2(at + reach > 0.0, reach - at > 0.0);
+}
+
+// A bit for each face that a box can be seen in.
+uint faces_of(View view, vec3 offset, vec3 extent) {
+    if (view.kind == VIEW_ORTHOGRAPHIC)
+        return abs(dot(view.x, offset)) - dot(abs(view.x), extent) < 1.0 && abs(dot(view.y, offset)) - dot(abs(view.y), extent) < 1.0 ? 1 : 0;
+    // Faces meet in these planes; what lies wholly beyond one of a face's is not in it. Side faces end at the horizon.
+    bvec2 zx = sides(view.z - view.x, offset, extent), xz = sides(view.z + view.x, offset, extent);
+    bvec2 zy = sides(view.z - view.y, offset, extent), yz = sides(view.z + view.y, offset, extent);
+    bvec2 yx = sides(view.x - view.y, offset, extent), xy = sides(view.x + view.y, offset, extent);
+    bool above = sides(view.z, offset, extent).x;
+    return (zx.x && xz.x && zy.x && yz.x ? 1 : 0) | (above && zx.y && yx.x && xy.x ? 2 : 0) | (above && xz.y && yx.y && xy.y ? 4 : 0)
+        | (above && zy.y && yx.y && xy.x ? 8 : 0) | (above && yz.y && yx.x && xy.y ? 16 : 0);
+}
+
+// Whether a box in a face's axes lies beyond a side of the rectangle of (s, t).
+bool beside(vec4 rectangle, vec3 center, vec3 half_size) {
+    vec4 way = vec4(rectangle.xy * center.z - center.xy, center.xy - rectangle.zw * center.z);
+    vec4 reach = half_size.xyxy + abs(rectangle) * half_size.z;
+    return any(greaterThan(way, reach));
 }
 
 void main() {
     uint first = gl_WorkGroupID.x * gl_WorkGroupSize.x * EACH + gl_LocalInvocationIndex;
     uint index = gl_GlobalInvocationID.y;
     View view = views.at[index];
+    bool hemicube = view.kind == VIEW_HEMICUBE;
+    // Bits for the faces of all chunks.
+    uint seen = 0;
     uint k = 0;
     for (;;) {
         uint chunk = first + k * gl_WorkGroupSize.x;
-        if (chunk < chunk_count) cull(chunk, index, view);
+        if (chunk < chunk_count) {
+            Instance instance = instances.at[chunks.at[chunk].instance];
+            bool in_both = stands(instance, view.other);
+            bool asked = stands(instance, view.version) && (WHICH == OWN ? !in_both : in_both && view.borrows == 0);
+            vec3 offset = chunks.at[chunk].center - view.origin;
+            vec3 extent = chunks.at[chunk].extent;
+            if (WHICH == FIRST) asked = asked && hemicube && is_first(view, offset, extent, chunks.at[chunk].count);
+            if (WHICH == REST) asked = asked && !(hemicube && is_first(view, offset, extent, chunks.at[chunk].count));
+            if (LIMITED) asked = asked && matters(view, offset, extent);
+            seen |= asked ? faces_of(view, offset, extent) << FACES * k : 0;
+        }
         if (++k == EACH) break;
     }
+    // What takes longer to find out, for those that are left.
+    if (LIMITED || WHICH == REST) {
+        for (uint left = hemicube ? seen : 0; left != 0; left &= left - 1) {
+            uint bit = uint(findLSB(left));
+            uint chunk = first + bit / FACES * gl_WorkGroupSize.x, face = bit % FACES;
+            vec3 offset = chunks.at[chunk].center - view.origin;
+            vec3 extent = chunks.at[chunk].extent;
+            Face f = face_axes(face, view.x, view.y, view.z);
+            vec3 center = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
+            vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent));
+            bool out_of_it = LIMITED && beside(scissor(view, face), center, half_size);
+            if (WHICH == REST) out_of_it = out_of_it || covered(blocks, index, face, center, half_size, 1.0001, false);
+            seen &= out_of_it ? ~(1u << bit) : ~0u;
+        }
+    }
+    uint weight = 0;
+    uint slot = atomicAdd(head.at[0].entries, bitCount(seen));
+    for (uint left = seen; left != 0; left &= left - 1) {
+        uint bit = uint(findLSB(left));
+        uint chunk = first + bit / FACES * gl_WorkGroupSize.x;
+        list.at[slot++] = uvec2(chunk, index * 8 + bit % FACES);
+        weight += chunks.at[chunk].count;
+    }
+    atomicAdd(head.at[0].weight, weight);
 }

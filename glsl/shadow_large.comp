@@ -9,6 +9,8 @@
 layout(local_size_x = 8, local_size_x_id = 1) in;
 
 layout(constant_id = 0) const bool MASKED = false;
+// Views have limits.
+layout(constant_id = 2) const bool LIMITED = false;
 
 layout(push_constant, scalar) uniform Push {
     Triangles triangles;
@@ -29,22 +31,16 @@ void main() {
     View view = views.at[entry.y >> 3 & 63];
     Setup s = set_up(triangles.at[entry.x], view, face, face_axes(face, view.x, view.y, view.z));
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
-    uint height = side ? view.size / 2 : view.size;
     float half_size = 0.5 * float(view.size);
     uint base = view.offset + face_offset(face, view.size);
 
-    float first = 0.0, last = float(height - 1);
-    float origin = side ? 0.0 : 1.0;
-    // Parts are counted from the triangle's own first row.
-    vec4 asked = scissor(view, face);
-    float from = ceil((asked.y + origin) * half_size - 0.5), to = floor((asked.w + origin) * half_size - 0.5);
-    if (s.bounded) {
-        first = max(first, ceil((s.low.y + origin) * half_size - 0.5));
-        last = min(last, floor((s.high.y + origin) * half_size - 0.5));
-    }
+    // Parts are counted from the first row that is asked for.
+    Span asked = asked_pixels(view, face, side, LIMITED);
+    Span span = pixels_between(vec4(s.low, s.high), view.size, side);
+    float first = s.bounded ? max(span.first.y, asked.first.y) : asked.first.y;
+    float last = s.bounded ? min(span.last.y, asked.last.y) : asked.last.y;
     first += float((entry.y >> 9) * LARGE_ROWS);
-    last = min(min(last, first + float(LARGE_ROWS - 1)), to);
-    first = max(first, from);
+    last = min(last, first + float(LARGE_ROWS - 1));
     Cutout cutout;
     CutoutPlanes planes;
     if (MASKED) {
@@ -53,7 +49,7 @@ void main() {
     }
     for (float j = first + float(gl_LocalInvocationIndex); j <= last; j += float(gl_WorkGroupSize.x)) {
         float t = row_center(uint(j), view.size, side);
-        float low = max(-1.0, asked.x), high = min(1.0, asked.z);
+        float low = -1.0, high = 1.0;
         [[unroll]] for (uint k = 0; k < 3; ++k) {
             float slope = s.edge[k].x;
             float rest = s.edge[k].y * t + s.edge[k].z;
@@ -64,8 +60,8 @@ void main() {
         }
         // A tenth of a pixel wider than the edges say: each pixel is tested. Clamped before and after the conversion: an
         // edge almost along the row has its bound at infinity.
-        int i0 = max(int(ceil((min(low, 2.0) + 1.0) * half_size - 0.6)), 0);
-        int i1 = min(int(floor((max(high, -2.0) + 1.0) * half_size - 0.4)), int(view.size) - 1);
+        int i0 = max(int(ceil((min(low, 2.0) + 1.0) * half_size - 0.6)), int(asked.first.x));
+        int i1 = min(int(floor((max(high, -2.0) + 1.0) * half_size - 0.4)), int(asked.last.x));
         uint row = base + uint(j) * view.size;
         for (int i = i0; i <= i1; ++i) {
             float x = column_center(uint(i), view.size);

@@ -13,6 +13,8 @@ layout(local_size_x_id = 2) in;
 layout(constant_id = 0) const uint SMALL = 32;
 // The triangles have cutouts.
 layout(constant_id = 1) const bool MASKED = false;
+// Views have limits.
+layout(constant_id = 3) const bool LIMITED = false;
 
 layout(push_constant, scalar) uniform Push {
     Triangles triangles;
@@ -28,24 +30,19 @@ layout(push_constant, scalar) uniform Push {
     uint large_capacity;
 };
 
-// `whose`: view and face, as the lists have them.
-void draw(uint triangle, uint whose, View view, uint face, Face axes) {
+// `whose`: view and face, as the lists have them; `asked`: of the face's pixels.
+void draw(uint triangle, uint whose, View view, uint face, Face axes, Span asked) {
     Setup s = set_up(triangles.at[triangle], view, face, axes);
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
-    uint height = side ? view.size / 2 : view.size;
-    float half_size = 0.5 * float(view.size);
-
-    vec2 origin = vec2(1.0, side ? 0.0 : 1.0);
-    // First and last pixel centres inside the bounds.
-    vec2 low = ceil((s.low + origin) * half_size - 0.5);
-    vec2 high = floor((s.high + origin) * half_size - 0.5);
-    low = max(low, vec2(0.0));
-    high = min(high, vec2(view.size - 1, height - 1));
-    bool visible = !s.empty && (!s.bounded || (low.x <= high.x && low.y <= high.y));
+    // Unbounded: all that is asked for. Clamped as integers, so that nothing leads out of the face.
+    Span span = pixels_between(vec4(s.low, s.high), view.size, side);
+    vec2 low = s.bounded ? max(span.first, asked.first) : asked.first;
+    vec2 high = s.bounded ? min(span.last, asked.last) : asked.last;
+    bool visible = !s.empty && low.x <= high.x && low.y <= high.y;
     if (!visible) return;
-    // Unbounded: the whole face. Clamped as integers, so that nothing leads out of it.
-    uvec2 first_pixel = s.bounded ? min(uvec2(low), uvec2(view.size - 1, height - 1)) : uvec2(0);
-    uvec2 last_pixel = s.bounded ? min(uvec2(high), uvec2(view.size - 1, height - 1)) : uvec2(view.size - 1, height - 1);
+    uvec2 last = uvec2(view.size, side ? view.size / 2 : view.size) - 1;
+    uvec2 first_pixel = min(uvec2(low), last);
+    uvec2 last_pixel = min(uvec2(high), last);
     uint columns = last_pixel.x - first_pixel.x + 1;
     uint rows = last_pixel.y - first_pixel.y + 1;
     bool here = columns * rows <= SMALL;
@@ -96,9 +93,10 @@ void main() {
     View view = views.at[entry.y >> 3];
     Face axes = face_axes(face, view.x, view.y, view.z);
     uint count = chunks.at[entry.x].count;
+    Span asked = asked_pixels(view, face, view.kind == VIEW_HEMICUBE && face != 0, LIMITED);
     uint i = gl_LocalInvocationIndex;
     for (;;) {
-        if (i < count) draw(entry.x * CHUNK + i, entry.y, view, face, axes);
+        if (i < count) draw(entry.x * CHUNK + i, entry.y, view, face, axes, asked);
         i += gl_WorkGroupSize.x;
         if (i >= count) break;
     }

@@ -12,6 +12,9 @@ const float CONE_SLACK = 1e-5;
 
 layout(local_size_x = 64) in;
 
+// Tiles of an invocation: they share the reading of the lights.
+layout(constant_id = 0) const uint EACH = 1;
+
 layout(push_constant, scalar) uniform Push {
     Tiles tiles;
     Instances instances;
@@ -74,6 +77,18 @@ bool differs(uint i, vec3 center, vec3 extent) {
     return false;
 }
 
+// Those of the lights of `asked` whose light on the tile is the same in both of their versions.
+uint alike(uint asked, vec3 center, vec3 extent) {
+    uint same = 0;
+    for (;;) {
+        uint i = uint(findLSB(asked));
+        asked &= asked - 1;
+        same |= differs(i, center, extent) ? 0u : 1u << i;
+        if (asked == 0) break;
+    }
+    return same;
+}
+
 // Pixels' half diagonals between a lookup and the centre of its pixel, as an angle: 1 / size of them.
 const float PIXEL_ANGLE = 1.5;
 // How far a lookup lies from its receiver at most, in distances to the light over the map's size: lifted, and pushed away
@@ -123,68 +138,75 @@ float lowest_vertex(uint i, bool asked, vec3 center, vec3 axis) {
     return lowest;
 }
 
-void main() {
-    uint tile = gl_GlobalInvocationID.x;
-    if (tile >= tile_count) return;
-    uint whose = tiles.at[tile].instance;
-    if (whose == NONE) return;
-    Instance instance = instances.at[whose];
-    if (instance.until == 0) return;
+// Where a light stands to a tile's horizons.
+struct Standing {
+    bool any_above; // some of it may be seen from some receiver
+    bool all_above; // no receiver's horizon cuts it
+    float distance;
+};
+
+Standing standing(uint kind, vec3 to_light, vec3 normal, float radius, vec3 axis, float cone_cos, float reach) {
+    Standing s;
+    s.distance = length(to_light);
+    // Parallel light comes from -normal; its distance and size play no part.
+    bool parallel = kind == LIGHT_DIRECTIONAL;
+    vec3 direction = parallel ? -normal : to_light / max(s.distance, 1e-20);
+    // Cosines of the smallest and largest angle between a receiver's normal and the centre's direction to the light.
+    float cone_sin = sqrt(max(0.0, 1.0 - cone_cos * cone_cos));
+    float c = dot(axis, direction);
+    float sine = sqrt(max(0.0, 1.0 - c * c));
+    float best = c >= cone_cos ? 1.0 : c * cone_cos + sine * cone_sin;
+    float worst = c <= -cone_cos ? -1.0 : c * cone_cos - sine * cone_sin;
+    float spread = parallel ? 1e-5 : reach + radius + epsilon;
+    float across = parallel ? 1.0 : s.distance;
+    s.any_above = cone_cos < 0.0 || best * across + spread > 0.0;
+    s.all_above = cone_cos >= 0.0 && worst * across - spread > 0.0;
+    return s;
+}
+
+// Lists a tile with those of the lights of `reaching` that reach it: the dear tests, for what passed the others.
+void list(uint tile, uint reaching) {
+    Instance instance = instances.at[tiles.at[tile].instance];
     vec3 center = tiles.at[tile].center;
     vec3 extent = tiles.at[tile].extent;
     vec3 axis = tiles.at[tile].axis;
     float cone_cos = tiles.at[tile].cone_cos;
-    float cone_sin = sqrt(max(0.0, 1.0 - cone_cos * cone_cos));
-    float cone_tilt = sqrt(max(0.0, 1.0 - pow(min(cone_cos + CONE_SLACK, 1.0), 2.0)));
+    float tilt = sqrt(max(0.0, 1.0 - pow(min(cone_cos + CONE_SLACK, 1.0), 2.0))) - HARMLESS;
     float reach = length(extent);
-
     uint masks[FORMS];
     for (uint form = 0; form < FORMS; ++form) masks[form] = 0;
-    for (uint i = 0; i < light_count; ++i) {
+    for (;;) {
+        uint i = uint(findLSB(reaching));
+        reaching &= reaching - 1;
         uint kind = lights.at[i].kind;
-        uint version = lights.at[i].version;
-        uint other = lights.at[i].other;
-        bool comes = stands(instance, version);
-        bool goes = other != version && stands(instance, other);
-        if (!comes && !goes || comes && goes && !differs(i, center, extent)) continue;
         vec3 normal = lights.at[i].normal;
         vec3 to_light = lights.at[i].position - center;
         float radius = lights.at[i].radius;
-        float distance = length(to_light);
-        // Parallel light comes from -normal; its distance and size play no part.
-        bool parallel = kind == LIGHT_DIRECTIONAL;
-        vec3 direction = parallel ? -normal : to_light / max(distance, 1e-20);
-        // Cosines of the smallest and largest angle between a receiver's normal and the centre's direction to the light.
-        float c = dot(axis, direction);
-        float s = sqrt(max(0.0, 1.0 - c * c));
-        float best = c >= cone_cos ? 1.0 : c * cone_cos + s * cone_sin;
-        float worst = c <= -cone_cos ? -1.0 : c * cone_cos - s * cone_sin;
-        float spread = parallel ? 1e-5 : reach + radius + epsilon;
-        float across = parallel ? 1.0 : distance;
-        bool any_above = cone_cos < 0.0 || best * across + spread > 0.0;
-        bool all_above = cone_cos >= 0.0 && worst * across - spread > 0.0;
+        Standing s = standing(kind, to_light, normal, radius, axis, cone_cos, reach);
         // Near by, the outline itself is asked: the sphere around it stands below many a horizon that it does not.
-        bool near = kind == LIGHT_POLYGON && any_above && !all_above && distance - reach <= 2.0 * far * radius;
-        float tilt = cone_tilt - HARMLESS;
-        if (lowest_vertex(i, near, center, axis) > tiles.at[tile].thickness + tilt * (distance + reach + radius)) all_above = true;
-        bool faced = true;
-        bool area = kind == LIGHT_POLYGON || kind == LIGHT_DISK;
-        float above = -dot(normal, to_light);
-        float around = dot(abs(normal), extent);
-        if (area || kind == LIGHT_SPOT) faced = above + around + epsilon > 0.0;
-        if (any_above && faced && area && occlusion != 0)
-            faced = comes && !occluded(lights.at[i].view, tile, center, extent, axis, above - around)
-                 || goes && !occluded(lights.at[i].other_view, tile, center, extent, axis, above - around);
-        if (any_above && faced) {
-            uint form = FORM_DIRECTIONAL;
-            if (kind == LIGHT_POINT || kind == LIGHT_SPOT) form = FORM_PUNCTUAL;
-            if (kind == LIGHT_DISK) form = FORM_DISK;
-            if (kind == LIGHT_POLYGON)
-                // A horizon may cut the outline: twice as far, that is worth less than 2 % of what it gives face on.
-                form = distance - reach > (all_above ? far : 2.0 * far) * radius ? FORM_DISK
-                     : all_above ? FORM_POLYGON : FORM_CLIPPED;
-            [[unroll]] for (uint k = 0; k < FORMS; ++k) masks[k] |= form == k ? 1u << i : 0u;
+        bool near = kind == LIGHT_POLYGON && !s.all_above && s.distance - reach <= 2.0 * far * radius;
+        if (lowest_vertex(i, near, center, axis) > tiles.at[tile].thickness + tilt * (s.distance + reach + radius)) s.all_above = true;
+        bool asked = (kind == LIGHT_POLYGON || kind == LIGHT_DISK) && occlusion != 0;
+        bool seen = !asked;
+        float lowest = -dot(normal, to_light) - dot(abs(normal), extent);
+        uint version = lights.at[i].version, other = lights.at[i].other;
+        uint view = lights.at[i].view;
+        uint rounds = asked ? (version == other ? 1 : 2) : 0;
+        // The version that it comes in, then that which it goes from.
+        for (uint k = 0; k < rounds; ++k) {
+            if (stands(instance, version) && !occluded(view, tile, center, extent, axis, lowest)) seen = true;
+            version = other;
+            view = lights.at[i].other_view;
         }
+        uint form = FORM_DIRECTIONAL;
+        if (kind == LIGHT_POINT || kind == LIGHT_SPOT) form = FORM_PUNCTUAL;
+        if (kind == LIGHT_DISK) form = FORM_DISK;
+        if (kind == LIGHT_POLYGON)
+            // A horizon may cut the outline: twice as far, that is worth less than 2 % of what it gives face on.
+            form = s.distance - reach > (s.all_above ? far : 2.0 * far) * radius ? FORM_DISK
+                 : s.all_above ? FORM_POLYGON : FORM_CLIPPED;
+        [[unroll]] for (uint k = 0; k < FORMS; ++k) masks[k] |= seen && form == k ? 1u << i : 0u;
+        if (reaching == 0) break;
     }
     [[unroll]] for (uint form = 0; form < FORMS; ++form) {
         if (masks[form] != 0) {
@@ -192,5 +214,60 @@ void main() {
             lists.at[form * tile_count + slot] = uvec2(tile, masks[form]);
             atomicAdd(pairs.at[form], int64_t(bitCount(masks[form]) * TILE));
         }
+    }
+}
+
+void main() {
+    uint first = gl_WorkGroupID.x * gl_WorkGroupSize.x * EACH + gl_LocalInvocationIndex;
+    Instance whose[EACH];
+    vec3 centers[EACH], extents[EACH], axes[EACH];
+    float cones[EACH];
+    // Lights that the tile may see, and those of them that light it in both of their versions.
+    uint reaching[EACH], both[EACH];
+    [[unroll]] for (uint k = 0; k < EACH; ++k) {
+        uint tile = min(first + k * gl_WorkGroupSize.x, tile_count - 1);
+        uint instance = tiles.at[tile].instance;
+        bool any = first + k * gl_WorkGroupSize.x < tile_count && instance != NONE;
+        // One that has ended before it began stands in no version.
+        whose[k] = Instance(0, 0, 0);
+        if (any) whose[k] = instances.at[instance];
+        centers[k] = tiles.at[tile].center;
+        extents[k] = tiles.at[tile].extent;
+        axes[k] = tiles.at[tile].axis;
+        cones[k] = tiles.at[tile].cone_cos;
+        reaching[k] = both[k] = 0;
+    }
+    uint i = 0;
+    for (;;) {
+        uint kind = lights.at[i].kind;
+        uint version = lights.at[i].version;
+        uint other = lights.at[i].other;
+        vec3 normal = lights.at[i].normal;
+        vec3 position = lights.at[i].position;
+        float radius = lights.at[i].radius;
+        bool one_sided = kind == LIGHT_POLYGON || kind == LIGHT_DISK || kind == LIGHT_SPOT;
+        [[unroll]] for (uint k = 0; k < EACH; ++k) {
+            bool comes = stands(whose[k], version);
+            bool goes = other != version && stands(whose[k], other);
+            vec3 to_light = position - centers[k];
+            bool faced = !one_sided || -dot(normal, to_light) + dot(abs(normal), extents[k]) + epsilon > 0.0;
+            bool above = standing(kind, to_light, normal, radius, axes[k], cones[k], length(extents[k])).any_above;
+            reaching[k] |= (comes || goes) && faced && above ? 1u << i : 0u;
+            both[k] |= comes && goes ? 1u << i : 0u;
+        }
+        if (++i == light_count) break;
+    }
+    uint at = 0;
+    for (;;) {
+        uint tile = first + at * gl_WorkGroupSize.x;
+        uint left = 0, ask = 0;
+        [[unroll]] for (uint k = 0; k < EACH; ++k) {
+            left = at == k ? reaching[k] : left;
+            ask = at == k ? reaching[k] & both[k] : ask;
+        }
+        // The first of the dear tests by itself: of a local edit it leaves little.
+        if (ask != 0) left &= ~alike(ask, tiles.at[tile].center, tiles.at[tile].extent);
+        if (left != 0) list(tile, left);
+        if (++at == EACH) break;
     }
 }

@@ -32,6 +32,28 @@ vec4 scissor(View view, uint face) {
     return vec4(middle - reach - slack, middle + reach + slack);
 }
 
+// Pixels of a face, from the first to the last whose centres lie between two points in (s, t); those may be others than the
+// face has. Both passes round them alike.
+struct Span {
+    vec2 first, last;
+};
+
+Span pixels_between(vec4 rectangle, uint size, bool side) {
+    vec2 origin = vec2(1.0, side ? 0.0 : 1.0);
+    precise vec2 low = (rectangle.xy + origin) * (0.5 * float(size)) - 0.5;
+    precise vec2 high = (rectangle.zw + origin) * (0.5 * float(size)) - 0.5;
+    return Span(ceil(low), floor(high));
+}
+
+// Pixels of a face that a view asks for.
+Span asked_pixels(View view, uint face, bool side, bool limited) {
+    vec2 last = vec2(view.size, side ? view.size / 2 : view.size) - 1.0;
+    Span all = Span(vec2(0.0), last);
+    if (!limited) return all;
+    Span asked = pixels_between(scissor(view, face), view.size, side);
+    return Span(max(asked.first, all.first), min(asked.last, all.last));
+}
+
 // Rows of pixels of a face, and where it starts.
 uint face_height(uint face, uint size) {
     return face == 0 ? size : size / 2;

@@ -44,6 +44,8 @@ pub(super) struct Evaluation {
 /// The accumulation passes, their buffers, and the sums themselves.
 pub(super) struct AccumulatePass {
     cull: Pipeline,
+    /// Tiles that an invocation of it looks at.
+    each: u32,
     /// By form and softness, made when first needed.
     pipelines: BTreeMap<(u32, bool), Pipeline>,
     heads: Heads,
@@ -127,13 +129,15 @@ impl AccumulatePass {
             tiles * u64::from(TILE) * 24,
             Memory::Device,
         )?;
+        let each = if gpu.info().kind == "CPU" { 4 } else { 1 };
         let pairs = gpu.buffer("pairs", 2 * u64::from(FORMS) * 8, Memory::Device)?;
         let mut cmd = gpu.commands()?;
         cmd.fill(&pairs, 0, pairs.size(), 0);
         cmd.fill(&sums, 0, sums.size(), 0);
         cmd.submit()?.wait()?;
         Ok(Self {
-            cull: gpu.pipeline(shaders::TILE_CULL, &[])?,
+            cull: gpu.pipeline(shaders::TILE_CULL, &[each])?,
+            each,
             pipelines: BTreeMap::new(),
             heads: Heads::new(gpu, "tile lists", FORMS)?,
             lists: gpu.buffer("tile entries", tiles * 8 * u64::from(FORMS), Memory::Device)?,
@@ -246,7 +250,7 @@ impl AccumulatePass {
                 far: if soft { DIRECT_FAR } else { FAR },
                 occlusion: u32::from(self.occlusion && !soft),
             };
-            cmd.dispatch(&self.cull, &push, [tile_count, 1, 1]);
+            cmd.dispatch(&self.cull, &push, [tile_count.div_ceil(self.each), 1, 1]);
             self.heads.finish(cmd, &[]);
         });
         for form in forms {

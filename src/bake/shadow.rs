@@ -25,11 +25,13 @@ pub(super) const MAX_VIEWS: u64 = 2 * BATCH as u64;
 
 /// The shadow passes and their buffers.
 pub(super) struct ShadowPass {
-    /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone.
-    cull: [Pipeline; 4],
+    /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone; for views without
+    /// limits, and with.
+    cull: [[Pipeline; 4]; 2],
     /// Chunks that an invocation of these looks at.
     each: u32,
-    blocks_of: Pipeline,
+    /// For views without limits, and with.
+    blocks_of: [Pipeline; 2],
     /// For whole triangles, and for those with cutouts.
     drawings: [Drawing; 2],
     heads: Heads,
@@ -58,8 +60,9 @@ struct Drawing {
 }
 
 struct Made {
-    small: Pipeline,
-    large: Pipeline,
+    /// For views without limits, and with.
+    small: [Pipeline; 2],
+    large: [Pipeline; 2],
     list: Buffer,
     large_list: Buffer,
 }
@@ -132,9 +135,15 @@ impl Drawing {
                 };
                 let large_bytes = u64::from(LARGE_CAPACITY) * 8;
                 let masked = self.masked.into();
+                let smalls = |limited| {
+                    let constants = [SMALL_PIXELS, masked, small, limited];
+                    gpu.pipeline(shaders::SHADOW_SMALL, &constants)
+                };
+                let larges =
+                    |limited| gpu.pipeline(shaders::SHADOW_LARGE, &[masked, lanes, limited]);
                 Made {
-                    small: gpu.pipeline(shaders::SHADOW_SMALL, &[SMALL_PIXELS, masked, small])?,
-                    large: gpu.pipeline(shaders::SHADOW_LARGE, &[masked, lanes])?,
+                    small: [smalls(0)?, smalls(1)?],
+                    large: [larges(0)?, larges(1)?],
                     list: gpu.buffer("shadow chunks", entries, Memory::Device)?,
                     large_list: gpu.buffer(
                         "shadow large triangles",
@@ -152,12 +161,23 @@ impl Drawing {
 impl ShadowPass {
     /// `depth_elements`: pixels that the depth maps of one batch may take together.
     pub(super) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
-        let each = if gpu.info().kind == "CPU" { 8 } else { 1 };
-        let cull =
-            |which| gpu.pipeline(shaders::SHADOW_CULL, &[which, FIRST_PIXELS.to_bits(), each]);
+        let each = if gpu.info().kind == "CPU" { 6 } else { 1 };
+        let cull = |which, limited| {
+            let constants = [which, FIRST_PIXELS.to_bits(), each, limited];
+            gpu.pipeline(shaders::SHADOW_CULL, &constants)
+        };
+        let culls = |limited| {
+            Ok([
+                cull(0, limited)?,
+                cull(1, limited)?,
+                cull(2, limited)?,
+                cull(3, limited)?,
+            ])
+        };
+        let blocks_of = |limited| gpu.pipeline(shaders::DEPTH_BLOCKS, &[limited]);
         Ok(Self {
-            cull: [cull(0)?, cull(1)?, cull(2)?, cull(3)?],
-            blocks_of: gpu.pipeline(shaders::DEPTH_BLOCKS, &[])?,
+            cull: [culls(0)?, culls(1)?],
+            blocks_of: [blocks_of(0)?, blocks_of(1)?],
             each,
             drawings: [false, true].map(|masked| Drawing { masked, made: None }),
             heads: Heads::new(gpu, "shadow lists", 4)?,
@@ -241,18 +261,18 @@ impl ShadowPass {
         cmd.fill(&self.depth, 0, elements * 4, 0);
         let chunks = occluders.whole.count().max(occluders.masked.count());
         if chunks < self.few {
-            self.draw(gpu, cmd, occluders, instances, views.len(), Which::All)?;
+            self.draw(gpu, cmd, occluders, instances, views, Which::All)?;
         } else {
-            self.draw(gpu, cmd, occluders, instances, views.len(), Which::First)?;
-            self.find_blocks(cmd, views.len());
-            self.draw(gpu, cmd, occluders, instances, views.len(), Which::Rest)?;
+            self.draw(gpu, cmd, occluders, instances, views, Which::First)?;
+            self.find_blocks(cmd, views);
+            self.draw(gpu, cmd, occluders, instances, views, Which::Rest)?;
         }
         if views.iter().any(|v| v.borrows != 0) {
             self.lend(cmd, views);
-            self.draw(gpu, cmd, occluders, instances, views.len(), Which::Own)?;
+            self.draw(gpu, cmd, occluders, instances, views, Which::Own)?;
         }
         if blocks {
-            self.find_blocks(cmd, views.len());
+            self.find_blocks(cmd, views);
         }
         Ok(())
     }
@@ -270,8 +290,8 @@ impl ShadowPass {
         cmd.barrier(Stage::Transfer, Stage::Compute);
     }
 
-    /// What hides, block by block, in the first `views` views as they are drawn so far.
-    fn find_blocks(&self, cmd: &mut Commands, views: usize) {
+    /// What hides, block by block, in `views` as they are drawn so far.
+    fn find_blocks(&self, cmd: &mut Commands, views: &[View]) {
         cmd.barrier(Stage::Compute, Stage::Compute);
         cmd.scope("depth blocks", |cmd| {
             let push = BlocksPush {
@@ -279,21 +299,23 @@ impl ShadowPass {
                 depth: self.depth.address(),
                 blocks: self.blocks.address(),
             };
-            cmd.dispatch(&self.blocks_of, &push, [VIEW_BLOCKS, views as u32, 1]);
+            let pipeline = &self.blocks_of[limited(views)];
+            cmd.dispatch(pipeline, &push, [VIEW_BLOCKS, views.len() as u32, 1]);
         });
         cmd.barrier(Stage::All, Stage::All);
     }
 
-    /// Draws some of the chunks into the first `views` views.
+    /// Draws some of the chunks into `views`.
     fn draw(
         &mut self,
         gpu: &Gpu,
         cmd: &mut Commands,
         occluders: &Occluders,
         instances: Address,
-        views: usize,
+        views: &[View],
         which: Which,
     ) -> Result<()> {
+        let limited = limited(views);
         self.heads.clear(cmd);
         let (views_at, depth) = (self.views.address(), self.depth.address());
         let mut drawings = Vec::new();
@@ -318,9 +340,9 @@ impl ShadowPass {
                     chunk_count: chunks.count(),
                 };
                 cmd.dispatch(
-                    &self.cull[which as usize],
+                    &self.cull[limited][which as usize],
                     &push,
-                    [chunks.count().div_ceil(self.each), views as u32, 1],
+                    [chunks.count().div_ceil(self.each), views.len() as u32, 1],
                 );
             }
             self.heads.finish(cmd, &CHUNKS);
@@ -340,7 +362,8 @@ impl ShadowPass {
                     bits: occluders.bits.address(),
                     large_capacity: LARGE_CAPACITY,
                 };
-                self.heads.dispatch(cmd, &made.small, &push, CHUNKS[*kind]);
+                self.heads
+                    .dispatch(cmd, &made.small[limited], &push, CHUNKS[*kind]);
             }
             self.heads.finish(cmd, &LARGE);
         });
@@ -356,11 +379,17 @@ impl ShadowPass {
                     bits: occluders.bits.address(),
                     large_capacity: LARGE_CAPACITY,
                 };
-                self.heads.dispatch(cmd, &made.large, &push, LARGE[*kind]);
+                self.heads
+                    .dispatch(cmd, &made.large[limited], &push, LARGE[*kind]);
             }
         });
         Ok(())
     }
+}
+
+/// 1 where some of the views may have limits, those of differences: else nobody need ask for them.
+fn limited(views: &[View]) -> usize {
+    usize::from(views.iter().any(|v| v.version != v.other))
 }
 
 /// Pixels of a view's depth map.
