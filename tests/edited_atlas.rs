@@ -73,7 +73,7 @@ impl Session {
             return false;
         }
         let scene = self.editor.scene();
-        let new = match self.atlas.update(scene) {
+        let mut new = match self.atlas.update(scene) {
             Ok(new) => new,
             // Scaled beyond a page.
             Err(_) => {
@@ -88,21 +88,41 @@ impl Session {
                 assert!(Arc::ptr_eq(&a.layout, &b.layout));
             }
         }
+        new.extend(self.texels.lacking(scene));
+        new.sort_unstable();
         let claims = rasterize_objects(&self.gpu, &self.atlas, &new).unwrap();
-        let start = self.texels.list.len() / Texel::TILE;
-        let tiles = self.texels.extend(scene, &self.atlas, &claims, &new);
-        assert_eq!(tiles.start as usize, start);
-        assert_eq!(tiles.end as usize, self.texels.list.len() / Texel::TILE);
+        self.texels.extend(scene, &self.atlas, &claims, &new);
+        for object in 0..self.texels.tiles.len() as u32 {
+            if object as usize >= scene.objects.len() || scene.is_gone(object) {
+                let tiles = self.texels.retire(object);
+                self.texels.release(tiles);
+            }
+        }
         true
     }
 
-    /// No rectangles overlap, whether their objects are gone or not; what was appended is what a whole build finds; and a
+    /// No rectangles of objects that are there overlap; what came later is what a whole build finds; and a
     /// bake of the written files has every texel where it was.
     fn check(&self) {
         let scene = self.editor.scene();
+        let lit = |t: &&Texel| t.pixel != Texel::NONE;
+        let mut free = vec![true; self.texels.list.len() / Texel::TILE];
+        let mut count = 0;
+        for tiles in &self.texels.tiles {
+            for tile in tiles.clone() {
+                assert!(std::mem::replace(&mut free[tile as usize], false));
+                let first = tile as usize * Texel::TILE;
+                let own = self.texels.list[first..first + Texel::TILE].iter();
+                count += own.filter(lit).count();
+            }
+        }
+        assert_eq!(count, self.texels.count as usize);
         let mut used =
             vec![vec![false; (self.atlas.page_size as usize).pow(2)]; self.atlas.pages as usize];
-        for object in &self.atlas.objects {
+        for (i, object) in (0..).zip(&self.atlas.objects) {
+            if scene.is_gone(i) {
+                continue;
+            }
             for y in object.origin.y..object.origin.y + object.size.y {
                 for x in object.origin.x..object.origin.x + object.size.x {
                     let at = (y * self.atlas.page_size + x) as usize;
@@ -234,6 +254,7 @@ fn what_is_new_finds_room_and_new_pages_and_what_was_undone_finds_its_own() {
         r#"{"do": "transform", "node": "chair", "scale": [0.2, 0.2, 0.2]}"#,
         r#"{"do": "copy", "node": "tall.box"}"#,
         r#"{"do": "remove", "node": "box 2"}"#,
+        r#"{"do": "copy", "node": "small.box", "name": "box 3"}"#,
         r#"{"do": "copy", "node": "floor"}"#,
         r#"{"do": "remove", "node": "small.box"}"#,
         r#"{"do": "copy", "node": "tall.box", "name": "tower"}"#,
@@ -241,12 +262,20 @@ fn what_is_new_finds_room_and_new_pages_and_what_was_undone_finds_its_own() {
         assert!(session.step(parse(line), folder.path()), "{line}");
     }
     assert!(session.atlas.pages > pages);
+    // What comes lies where something lay that was taken away.
+    let place = |name: &str| {
+        let objects = &session.editor.scene().objects;
+        let at = objects.iter().position(|o| o.name == name).unwrap();
+        let place = &session.atlas.objects[at];
+        (place.page, place.origin, place.size)
+    };
+    assert_eq!(place("box 3"), place("box 2"));
     // A copy is laid out as its original.
     let twin = &session.atlas.objects[8];
     assert!(Arc::ptr_eq(&twin.layout, &first.objects[5].layout));
     session.check();
     let full = session.atlas.clone();
-    for _ in 0..8 {
+    for _ in 0..9 {
         assert!(session.step(None, folder.path()));
     }
     let shown = session.atlas.shown(session.editor.scene());
@@ -255,7 +284,7 @@ fn what_is_new_finds_room_and_new_pages_and_what_was_undone_finds_its_own() {
         (first.pages, first.objects.len())
     );
     session.check();
-    for _ in 0..8 {
+    for _ in 0..9 {
         session.editor.redo().unwrap();
         session.atlas.update(session.editor.scene()).unwrap();
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -162,11 +163,15 @@ impl AccumulatePass {
         gpu: &Gpu,
         cmd: &mut Commands,
         receivers: &Receivers,
+        new: &[Range<u32>],
     ) -> Result<()> {
-        let (tile, before) = (u64::from(TILE) * 24, u64::from(self.tiles));
-        let after = u64::from(receivers.texel_tiles());
-        grow(gpu, cmd, &mut self.sums, after * tile)?;
-        cmd.fill(&self.sums, before * tile, (after - before) * tile, 0);
+        let tile = u64::from(TILE) * 24;
+        let all = u64::from(receivers.texel_tiles());
+        grow(gpu, cmd, &mut self.sums, all * tile)?;
+        for tiles in new {
+            let bytes = tiles.len() as u64 * tile;
+            cmd.fill(&self.sums, u64::from(tiles.start) * tile, bytes, 0);
+        }
         cmd.barrier(Stage::Transfer, Stage::All);
         self.tiles = receivers.texel_tiles();
         Ok(())

@@ -2,6 +2,7 @@
 //! to the other by updates that each leave the map whole.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -14,9 +15,9 @@ use super::records::ShadowSizes;
 use super::run::{BakeError, Job};
 use super::schedule::{Held, Plan, Priority};
 use super::settings::{Clusters as Cells, Settings};
-use super::update::Illumination;
+use super::update::{Illumination, stands};
 use super::uv_raster;
-use super::versions::Boxes;
+use super::versions::{Boxes, Version};
 use crate::cluster::{Budget, CellId, Clusters, Ledger, SimilaritySettings, Wanted};
 use crate::gpu::{Gpu, GpuError};
 use crate::lightmap::Atlas;
@@ -66,6 +67,10 @@ pub struct Baker {
     pub(super) settings: Settings,
     pub(super) atlas: Atlas,
     pub(super) texels: Texels,
+    /// Tiles of texels that came and that the map does not know yet.
+    new_tiles: Vec<Range<u32>>,
+    /// Tiles of texels that are nobody's since a version: lights that are held under an earlier one need them still.
+    retired: Vec<(Version, Range<u32>)>,
     clearances: Clearances,
     /// Who owns texels, by object.
     pub(super) claims: Vec<ClaimStatistics>,
@@ -166,6 +171,8 @@ impl Baker {
             settings,
             atlas,
             texels,
+            new_tiles: Vec::new(),
+            retired: Vec::new(),
             clearances,
             claims: Vec::new(),
             bvh,
@@ -258,11 +265,25 @@ impl Baker {
     /// Finds room in the lightmap for objects that came.
     pub(super) fn lay_out(&mut self) -> Result<(), BakeError> {
         let scene = self.editor.scene().clone();
-        let new = self.atlas.update(&scene)?;
+        let mut new = self.atlas.update(&scene)?;
+        new.extend(self.texels.lacking(&scene));
+        new.sort_unstable();
+        new.dedup();
         if !new.is_empty() {
             let claims = uv_raster::rasterize_objects(&self.gpu, &self.atlas, &new)?;
-            self.texels.extend(&scene, &self.atlas, &claims, &new);
+            let tiles = self.texels.extend(&scene, &self.atlas, &claims, &new);
+            self.clearances.extend(&self.texels, &tiles);
+            self.new_tiles.extend(tiles);
             self.count_claims(&claims, &new);
+        }
+        Ok(())
+    }
+
+    /// No light is held under a version of the scene before `oldest` any more: what was needed for these alone makes room.
+    pub(super) fn forget_before(&mut self, oldest: Version) -> Result<(), GpuError> {
+        self.illumination.forget(oldest)?;
+        for (_, tiles) in self.retired.extract_if(.., |(since, _)| *since <= oldest) {
+            self.texels.release(tiles);
         }
         Ok(())
     }
@@ -290,13 +311,20 @@ impl Baker {
             let replaced =
                 self.clearances
                     .update(&scene, &self.bvh, &mut self.texels, objects, &mut lookups);
-            self.illumination.change(
+            let version = self.illumination.change(
                 &scene,
                 &self.texels,
+                &std::mem::take(&mut self.new_tiles),
                 objects,
                 &replaced,
                 Boxes { occluders, lookups },
             )?;
+            for &object in objects.iter().filter(|o| !stands(&scene, **o)) {
+                let tiles = self.texels.retire(object);
+                if !tiles.is_empty() {
+                    self.retired.push((version, tiles));
+                }
+            }
         }
         self.validator.invalidate(&scene, change);
         self.settled = false;

@@ -3,6 +3,8 @@
 //! It depends on the scene around a texel alone, not on how the scene came about: after an edit, texels around what
 //! changed are looked at again, and get what a fresh bake of the edited scene would give them, bit for bit.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -35,7 +37,7 @@ impl Clearances {
             reach: REACH / density,
             boxes: Vec::new(),
         };
-        new.extend(texels);
+        new.extend(texels, &[0..(texels.list.len() / Texel::TILE) as u32]);
         texels.clearances = texels
             .list
             .par_iter()
@@ -46,7 +48,8 @@ impl Clearances {
     }
 
     /// Follows a change of `objects`, which stood and stand in `boxes`: these grow to hold the texels of other objects that
-    /// have something else near them now. Returns the tiles that hold such texels, ascending.
+    /// have something else near them now. Returns the tiles that hold such texels, ascending. What tiles hold that came has
+    /// to be [told](Clearances::extend) before.
     pub(super) fn update(
         &mut self,
         scene: &Scene,
@@ -55,7 +58,6 @@ impl Clearances {
         objects: &[u32],
         boxes: &mut [Bounds],
     ) -> Vec<u32> {
-        self.extend(texels);
         texels.clearances.resize(texels.list.len(), Clearance::OPEN);
         let wide: Vec<Bounds> = boxes.iter().map(|b| self.widened(b)).collect();
         let whole = wide.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
@@ -119,13 +121,15 @@ impl Clearances {
     }
 
     /// Boxes of tiles that came.
-    fn extend(&mut self, texels: &Texels) {
-        let new = &texels.list[self.boxes.len() * Texel::TILE..];
-        self.boxes.extend(new.chunks_exact(Texel::TILE).map(|tile| {
-            tile.iter()
-                .map(|texel| Vec3::from_array(texel.position))
-                .fold(Bounds::EMPTY, Bounds::with)
-        }));
+    pub(super) fn extend(&mut self, texels: &Texels, new: &[Range<u32>]) {
+        let tiles = texels.list.len() / Texel::TILE;
+        self.boxes.resize(tiles, Bounds::EMPTY);
+        for tile in new.iter().flat_map(|range| range.clone()) {
+            let first = tile as usize * Texel::TILE;
+            let own = texels.list[first..first + Texel::TILE].iter();
+            let positions = own.map(|texel| Vec3::from_array(texel.position));
+            self.boxes[tile as usize] = positions.fold(Bounds::EMPTY, Bounds::with);
+        }
     }
 
     fn widened(&self, bounds: &Bounds) -> Bounds {

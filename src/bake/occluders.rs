@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::cutout::{Coverage, Masks};
-use super::pool::{Pool, grow};
+use super::pool::{Pool, grow, vacate};
 use super::records::{Chunk, Cutout, Triangle};
 use super::shared::CHUNK;
 use crate::gpu::{Buffer, Commands, Gpu, Memory, Result};
@@ -84,14 +84,16 @@ impl Occluders {
         self.masked.add(gpu, cmd, &of(1))
     }
 
-    /// Gives back what the instances took.
-    pub(super) fn remove(&mut self, instances: &[u32]) {
+    /// Gives back what the instances took: nothing on the device names them any more, but the instance `nobody`, which stands
+    /// nowhere.
+    pub(super) fn remove(&mut self, cmd: &mut Commands, instances: &[u32], nobody: u32) {
         for chunks in [&mut self.whole, &mut self.masked] {
-            for instance in instances {
-                if let Some((range, _)) = chunks.taken.remove(instance) {
-                    chunks.pool.give(range);
-                }
+            let taken = instances.iter().filter_map(|i| chunks.taken.remove(i));
+            let free: Vec<Range<u32>> = taken.map(|(range, _)| range).collect();
+            for range in &free {
+                chunks.pool.give(range.clone());
             }
+            vacate(cmd, &chunks.chunks, size_of::<Chunk>(), free, nobody);
         }
     }
 

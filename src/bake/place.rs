@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::pool::{Pool, grow};
+use super::pool::{Pool, grow, vacate};
 use super::records::{Placement, Receiver, Replaced, Tile};
 use super::shaders;
 use super::shared::{NONE, TILE};
@@ -119,17 +119,20 @@ impl Receivers {
         self.texel_tiles
     }
 
-    /// Appends tiles of texels: those of the list from entry `known` on.
-    pub(super) fn append(
+    /// Takes tiles of texels in that came.
+    pub(super) fn bring(
         &mut self,
         gpu: &Gpu,
         cmd: &mut Commands,
         texels: &Texels,
-        known: usize,
+        new: &[Range<u32>],
     ) -> Result<()> {
         let (entries, texel) = (texels.list.len() as u64, size_of::<Texel>() as u64);
         grow(gpu, cmd, &mut self.texels, entries * texel)?;
-        cmd.upload(&self.texels, known as u64 * texel, &texels.list[known..])?;
+        for tiles in new {
+            let own = (tiles.start * TILE) as usize..(tiles.end * TILE) as usize;
+            cmd.upload(&self.texels, own.start as u64 * texel, &texels.list[own])?;
+        }
         let bytes = entries * size_of::<Clearance>() as u64;
         grow(gpu, cmd, &mut self.clearances, bytes)?;
         self.texel_tiles = texels.list.len() as u32 / TILE;
@@ -227,15 +230,14 @@ impl Receivers {
         Ok(())
     }
 
-    /// Gives back what the instances took.
-    pub(super) fn remove(&mut self, instances: &[u32]) {
-        for range in instances
-            .iter()
-            .filter_map(|i| self.taken.remove(i))
-            .flatten()
-        {
-            self.pool.give(range);
+    /// Gives back what the instances took: nothing on the device names them any more.
+    pub(super) fn remove(&mut self, cmd: &mut Commands, instances: &[u32]) {
+        let taken = instances.iter().filter_map(|i| self.taken.remove(i));
+        let free: Vec<Range<u32>> = taken.flatten().collect();
+        for range in &free {
+            self.pool.give(range.clone());
         }
+        vacate(cmd, &self.tiles, size_of::<Tile>(), free, NONE);
     }
 
     /// Makes room for all receivers, and for the placement of `instance`.

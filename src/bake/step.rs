@@ -192,7 +192,7 @@ impl Baker {
         }
         let current = self.illumination.version();
         let oldest = self.held.values().map(|h| h.version).min();
-        self.illumination.forget(oldest.unwrap_or(current))
+        self.forget_before(oldest.unwrap_or(current))
     }
 
     /// The updates that lead from `held` to what is wanted.

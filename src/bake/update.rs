@@ -4,6 +4,7 @@
 mod sending;
 
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
 use std::time::Instant;
 
 use super::accumulate::{self, AccumulatePass, Evaluation};
@@ -153,12 +154,13 @@ impl Illumination {
     }
 
     /// Begins a version in which `objects` are where `scene` has them; `boxes` bound what they occupied before and what
-    /// they occupy now. `texels`: of all objects, new ones at the end. `replaced`: tiles of other objects, ascending, that
+    /// they occupy now. `texels`: of all objects; `new`: the tiles that came. `replaced`: tiles of other objects, ascending, that
     /// have something else near them than before; the boxes for lookups hold the texels of these that it makes a difference to.
     pub fn change(
         &mut self,
         scene: &Scene,
         texels: &Texels,
+        new: &[Range<u32>],
         objects: &[u32],
         replaced: &[u32],
         boxes: Boxes,
@@ -168,11 +170,10 @@ impl Illumination {
         let version = self.versions.begin(scene.bounds(), boxes);
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
-        let known = (self.receivers.texel_tiles() * super::shared::TILE) as usize;
-        if texels.list.len() > known {
-            self.receivers.append(&self.gpu, &mut cmd, texels, known)?;
-            self.accumulate
-                .extend(&self.gpu, &mut cmd, &self.receivers)?;
+        if !new.is_empty() {
+            let (gpu, receivers) = (&self.gpu, &mut self.receivers);
+            receivers.bring(gpu, &mut cmd, texels, new)?;
+            self.accumulate.extend(gpu, &mut cmd, receivers, new)?;
         }
         let (mut standing, mut instances) = (Vec::new(), Vec::new());
         for &object in objects {
@@ -214,10 +215,11 @@ impl Illumination {
         if gone.is_empty() {
             return Ok(());
         }
-        self.occluders.remove(&gone);
-        self.receivers.remove(&gone);
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
+        self.occluders
+            .remove(&mut cmd, &gone, self.versions.nobody());
+        self.receivers.remove(&mut cmd, &gone);
         self.versions.upload(&self.gpu, &mut cmd)?;
         self.in_flight.push_back(Flight {
             ticket: cmd.submit()?,
@@ -332,6 +334,6 @@ impl Illumination {
 }
 
 /// Whether an object is anywhere in a scene.
-fn stands(scene: &Scene, object: u32) -> bool {
+pub(super) fn stands(scene: &Scene, object: u32) -> bool {
     (object as usize) < scene.objects.len() && !scene.is_gone(object)
 }

@@ -10,6 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 
+use super::pool::Pool;
 use super::records::{Instance, Region};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Result};
 use crate::scene::Bounds;
@@ -49,6 +50,10 @@ pub(super) struct Versions {
     table: Vec<Instance>,
     /// The object of each live instance.
     object: BTreeMap<u32, u32>,
+    /// Numbers of instances.
+    numbers: Pool,
+    /// The number of one that stands nowhere.
+    nobody: u32,
     /// The instances of each object in the current version, if it stands anywhere: itself, then parts of it.
     current_of: BTreeMap<u32, Vec<u32>>,
     buffer: Buffer,
@@ -57,7 +62,7 @@ pub(super) struct Versions {
 impl Versions {
     /// Version 0: instance `i` is object `i`, if that is anywhere.
     pub(super) fn new(gpu: &Gpu, standing: &[bool], bounds: Bounds) -> Result<Self> {
-        let table: Vec<Instance> = standing
+        let mut table: Vec<Instance> = standing
             .iter()
             .map(|stands| Instance {
                 since: 0,
@@ -65,6 +70,10 @@ impl Versions {
                 crowded: 0,
             })
             .collect();
+        let nobody = table.len() as u32;
+        table.push(Instance::default());
+        let mut numbers = Pool::default();
+        numbers.take(table.len() as u32);
         let here = || (0..).zip(standing).filter(|(_, stands)| **stands);
         let buffer = gpu.buffer(
             "instances",
@@ -78,6 +87,8 @@ impl Versions {
             changed: BTreeMap::new(),
             table,
             object: here().map(|(i, _)| (i, i)).collect(),
+            numbers,
+            nobody,
             current_of: here().map(|(i, _)| (i, vec![i])).collect(),
             buffer,
         })
@@ -89,6 +100,11 @@ impl Versions {
 
     pub(super) fn address(&self) -> Address {
         self.buffer.address()
+    }
+
+    /// An instance that stands in no version.
+    pub(super) fn nobody(&self) -> u32 {
+        self.nobody
     }
 
     /// Bounds of the scene in a version.
@@ -116,35 +132,35 @@ impl Versions {
     pub(super) fn begin_part(&mut self, instance: u32) -> [u32; 2] {
         let (object, since) = (self.object[&instance], self.table[instance as usize].since);
         let parts = [(since, self.current), (self.current, Version::MAX)];
-        let [ended, begun] = parts.map(|(since, until)| {
-            let part = self.table.len() as u32;
-            self.table.push(Instance {
-                since,
-                until,
-                crowded: 0,
-            });
-            self.object.insert(part, object);
-            part
-        });
+        let [ended, begun] = parts.map(|(since, until)| self.enter(object, since, until));
         self.current_of.entry(object).or_default().push(begun);
         [ended, begun]
     }
 
     /// The object stands somewhere from the current version on.
     pub(super) fn begin_instance(&mut self, object: u32) -> u32 {
-        // Never the number of an earlier one: slots that nobody has taken over yet still name that.
-        let instance = self.table.len() as u32;
-        self.table.push(Instance {
-            since: self.current,
-            until: Version::MAX,
-            crowded: 0,
-        });
-        self.object.insert(instance, object);
+        let instance = self.enter(object, self.current, Version::MAX);
         self.current_of.insert(object, vec![instance]);
         instance
     }
 
-    /// Versions before `oldest` are no longer referred to: returns the instances that stand in no other.
+    fn enter(&mut self, object: u32, since: Version, until: Version) -> u32 {
+        let instance = self.numbers.take(1).start;
+        if self.table.len() <= instance as usize {
+            let all = instance as usize + 1;
+            self.table.resize(all, Instance::default());
+        }
+        self.table[instance as usize] = Instance {
+            since,
+            until,
+            crowded: 0,
+        };
+        self.object.insert(instance, object);
+        instance
+    }
+
+    /// Versions before `oldest` are no longer referred to: returns the instances that stand in no other. Their numbers are
+    /// others' from here on: nothing on the device may name them any more when [`Versions::begin`] is called next.
     pub(super) fn forget(&mut self, oldest: Version) -> Vec<u32> {
         let gone: Vec<u32> = self
             .object
@@ -155,6 +171,7 @@ impl Versions {
         for &instance in &gone {
             self.object.remove(&instance);
             self.table[instance as usize] = Instance::default();
+            self.numbers.give(instance..instance + 1);
         }
         self.bounds.retain(|&version, _| version >= oldest);
         self.changed.retain(|&version, _| version > oldest);

@@ -32,8 +32,8 @@ impl Atlas {
     /// Follows an edit: lays out the objects of `scene` that have no texels yet, at the atlas's density, and finds free
     /// rectangles for them, on new pages where there is none left. Returns these objects, ascending.
     ///
-    /// Objects that are gone keep their rectangle, since an undo may bring them back; those that an undo took away altogether
-    /// lose it. An object with the mesh and scale of another one gets its layout. The result depends on the atlas and
+    /// What objects that are gone lay on is free, but they keep their layout and their place: an undo brings them back there,
+    /// after it took away all that came later. Those that an undo took away altogether lose it. An object with the mesh and scale of another one gets its layout. The result depends on the atlas and
     /// the scenes that it has followed alone.
     ///
     /// # Errors
@@ -110,7 +110,8 @@ impl Atlas {
     ) -> Result<u32, LightmapError> {
         let mut pages: Vec<Vec<Rectangle>> = vec![Vec::new(); self.pages as usize];
         for (i, object) in objects.iter().enumerate() {
-            if object.size != UVec2::ZERO && new.binary_search(&(i as u32)).is_err() {
+            let i = i as u32;
+            if object.size != UVec2::ZERO && !scene.is_gone(i) && new.binary_search(&i).is_err() {
                 pages[object.page as usize].push(rectangle(object.origin, object.size));
             }
         }

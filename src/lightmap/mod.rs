@@ -12,6 +12,7 @@ pub mod export;
 pub mod exr;
 mod glb;
 mod grow;
+pub(crate) mod pool;
 pub mod preview;
 mod raster;
 mod raw;

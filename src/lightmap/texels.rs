@@ -1,10 +1,12 @@
 //! The texel list: for each texel that a surface claims, the point of the surface that it stands for.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::pool::Pool;
 use super::tiles::arrange;
 use super::{Atlas, Clearance, ObjectAtlas, Texel};
 use crate::scene::{Mesh, Scene};
@@ -83,14 +85,24 @@ impl Claims {
 #[derive(Clone, Debug, Default)]
 pub struct Texels {
     /// By object; within it in tiles that lie together and face alike, the last of them filled up with copies of its last
-    /// texel whose `pixel` is [`Texel::NONE`].
+    /// texel whose `pixel` is [`Texel::NONE`]. Tiles that are no object's hold what they held last.
     pub list: Vec<Texel>,
-    /// Per object, its tiles of [`Texel::TILE`] entries of the list; those of an object that is gone stay.
+    /// Per object, its tiles of [`Texel::TILE`] entries of the list; none for one that is gone.
     pub tiles: Vec<Range<u32>>,
-    /// Entries that are no fillers.
+    /// Entries of objects that are no fillers.
     pub count: u32,
     /// What stands near each entry of the list, as far as that was looked for: nothing near those beyond the end.
     pub clearances: Vec<Clearance>,
+    /// Where objects that come find room.
+    pub room: Room,
+}
+
+/// Which tiles are nobody's.
+#[derive(Clone, Debug, Default)]
+pub struct Room {
+    tiles: Pool,
+    /// Objects that had texels, but are gone.
+    retired: BTreeSet<u32>,
 }
 
 /// A claimed texel on its way into the list.
@@ -125,18 +137,53 @@ impl Texels {
         texels
     }
 
-    /// Appends the texels of some objects, found as by [`Texels::build`]; returns the new tiles. `claims` need not hold more
-    /// than these objects'.
-    ///
-    /// An object that has tiles already gets new ones, since it is another one than before: the old ones stay in the list, but
-    /// are no object's any more, and no longer in `count`.
+    /// Objects of a scene that were gone and are there again, ascending: they need texels, which come out as they were.
+    pub fn lacking(&self, scene: &Scene) -> Vec<u32> {
+        let stands = |o: &u32| (*o as usize) < scene.objects.len() && !scene.is_gone(*o);
+        self.room.retired.iter().copied().filter(stands).collect()
+    }
+
+    /// An object is gone: its tiles are nobody's, but what they hold is still needed, until they are [released](Texels::release).
+    pub fn retire(&mut self, object: u32) -> Range<u32> {
+        let tiles = self.tiles.get_mut(object as usize);
+        let tiles = tiles.map(std::mem::take).unwrap_or_default();
+        if !tiles.is_empty() {
+            self.room.retired.insert(object);
+            self.count -= lit(&self.list[entries(&tiles)]);
+        }
+        tiles
+    }
+
+    /// Gives tiles back that were retired, to objects that come.
+    pub fn release(&mut self, tiles: Range<u32>) {
+        self.room.tiles.give(tiles);
+    }
+
+    /// Finds tiles for an object that has none: the first free ones that lie together, or new ones at the end of the list.
+    pub(crate) fn take(&mut self, object: u32, count: u32) -> Range<u32> {
+        let tiles = self.room.tiles.take(count);
+        let end = self.list.len().max(tiles.end as usize * Texel::TILE);
+        self.list.resize(end, bytemuck::Zeroable::zeroed());
+        let known = self.clearances.len();
+        let own = entries(&tiles);
+        self.clearances[own.start.min(known)..own.end.min(known)].fill(Clearance::OPEN);
+        if self.tiles.len() <= object as usize {
+            self.tiles.resize(object as usize + 1, 0..0);
+        }
+        self.tiles[object as usize] = tiles.clone();
+        self.room.retired.remove(&object);
+        tiles
+    }
+
+    /// Finds the texels of some objects (ascending), as [`Texels::build`] does, and room for them; returns their tiles. `claims`
+    /// need not hold more than these objects'. None of them has tiles, or what it has is [retired](Texels::retire) first.
     pub fn extend(
         &mut self,
         scene: &Scene,
         atlas: &Atlas,
         claims: &Claims,
         objects: &[u32],
-    ) -> Range<u32> {
+    ) -> Vec<Range<u32>> {
         let per_object: Vec<Vec<Claimed>> = objects
             .par_iter()
             .map(|&object| {
@@ -146,27 +193,23 @@ impl Texels {
             })
             .collect();
 
-        let start = (self.list.len() / Texel::TILE) as u32;
-        let mut end = start;
+        let mut new = Vec::new();
+        let mut parts: Vec<(usize, u32, &[Claimed])> = Vec::new();
         for (&object, claimed) in objects.iter().zip(&per_object) {
-            let object = object as usize;
-            if self.tiles.len() <= object {
-                self.tiles.resize(object + 1, start..start);
-            }
-            let tiles = claimed.len().div_ceil(Texel::TILE) as u32;
-            let old = std::mem::replace(&mut self.tiles[object], end..end + tiles);
-            let old = old.start as usize * Texel::TILE..old.end as usize * Texel::TILE;
-            let lost = self.list[old].iter().filter(|t| t.pixel != Texel::NONE);
-            self.count -= lost.count() as u32;
-            end += tiles;
+            let count = (claimed.len().div_ceil(Texel::TILE)) as u32;
+            let tiles = self.take(object, count);
             self.count += claimed.len() as u32;
+            if count > 0 {
+                parts.push((entries(&tiles).start, object, claimed));
+                new.push(tiles);
+            }
         }
-        self.list
-            .resize(end as usize * Texel::TILE, bytemuck::Zeroable::zeroed());
-        let mut rest = &mut self.list[start as usize * Texel::TILE..];
-        for (&object, claimed) in objects.iter().zip(&per_object) {
-            let (own, others) = rest.split_at_mut(claimed.len().next_multiple_of(Texel::TILE));
-            rest = others;
+        parts.sort_unstable_by_key(|part| part.0);
+        let (mut rest, mut before) = (&mut self.list[..], 0);
+        for (start, object, claimed) in parts {
+            let filled = claimed.len().next_multiple_of(Texel::TILE);
+            let (own, others) = rest[start - before..].split_at_mut(filled);
+            (rest, before) = (others, start + filled);
             let layout = &atlas.objects[object as usize];
             let mesh = scene.mesh(object);
             own.par_iter_mut()
@@ -184,16 +227,24 @@ impl Texels {
                     };
                 });
             arrange(&mut own[..claimed.len()]);
-            if let Some(last) = claimed.len().checked_sub(1) {
-                let filler = Texel {
-                    pixel: Texel::NONE,
-                    ..own[last]
-                };
-                own[claimed.len()..].fill(filler);
-            }
+            let filler = Texel {
+                pixel: Texel::NONE,
+                ..own[claimed.len() - 1]
+            };
+            own[claimed.len()..].fill(filler);
         }
-        start..end
+        new
     }
+}
+
+/// The entries of the list in some tiles.
+fn entries(tiles: &Range<u32>) -> Range<usize> {
+    tiles.start as usize * Texel::TILE..tiles.end as usize * Texel::TILE
+}
+
+/// How many are no fillers.
+fn lit(entries: &[Texel]) -> u32 {
+    entries.iter().filter(|t| t.pixel != Texel::NONE).count() as u32
 }
 
 /// The object's claimed texels, row by row.

@@ -130,7 +130,7 @@ pub(super) fn accumulate(
         list: texels.to_vec(),
         tiles: std::iter::once(0..(texels.len() / Texel::TILE) as u32).collect(),
         count: texels.len() as u32,
-        clearances: Vec::new(),
+        ..Texels::default()
     };
     let (sums, _) = run(gpu, scene, &texels, lights, EVALUATION, true);
     let scale = f64::from(EVALUATION.scale);

@@ -61,6 +61,7 @@ fn crowded(numbers: &mut Numbers) -> Texels {
         count: list.len() as u32,
         list,
         clearances,
+        ..Texels::default()
     }
 }
 

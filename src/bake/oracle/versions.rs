@@ -1,5 +1,6 @@
 //! Scene versions' oracle: whatever way lights and objects went, the sums are those of the final scene lit from nothing.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{Affine3A, Quat, Vec3};
@@ -47,13 +48,21 @@ fn append(
         transform: Affine3A::from_translation(numbers.vector() * 1.5),
         ..prototype.clone()
     });
-    let tiles = 3 + object;
-    let first = (texels.list.len() / Texel::TILE) as u32;
-    let list = random_texels(numbers, tiles as usize, half);
-    texels
-        .list
-        .extend(list.into_iter().map(|t| Texel { object, ..t }));
-    texels.tiles.push(first..first + tiles);
+    find_texels(numbers, object, texels);
+}
+
+/// Of an object that has none.
+fn find_texels(numbers: &mut Numbers, object: u32, texels: &mut Texels) -> Range<u32> {
+    let half = if object == 0 { 2.5 } else { 0.3 };
+    // Some fit where others were.
+    let count = 3 + object % 3;
+    let list = random_texels(numbers, count as usize, half);
+    let tiles = texels.take(object, count);
+    let own = &mut texels.list[tiles.start as usize * Texel::TILE..];
+    for (entry, texel) in own.iter_mut().zip(list) {
+        *entry = Texel { object, ..texel };
+    }
+    tiles
 }
 
 fn start(gpu: &Gpu, scene: &Scene, texels: &Texels) -> Illumination {
@@ -120,6 +129,7 @@ fn surround(
 #[test]
 fn every_way_to_a_scene_ends_at_the_same_sums() {
     let gpu = gpu();
+    let mut all_reused = 0;
     for seed in 1..5 {
         let mut numbers = Numbers(seed);
         let (mut scene, mut texels) = objects(&mut numbers, 4);
@@ -137,22 +147,31 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
             map.push(light.clone(), Sign::Add, *version).expect("add");
         }
         let choose = |numbers: &mut Numbers, n: usize| (numbers.next() * n as f32) as usize;
-        for step in 0..12 {
+        let mut retired: Vec<(Version, Range<u32>)> = Vec::new();
+        let mut reused = 0;
+        for step in 0..16 {
             // An edit: mostly moves, sometimes away, back, or something new.
             let object = 1 + choose(&mut numbers, scene.objects.len() - 1) as u32;
             let mut boxes: Vec<Bounds> = bounds(&scene, object).into_iter().collect();
             let mut changed = vec![object];
+            let (mut new, mut away) = (Vec::new(), false);
+            let known = (texels.list.len() / Texel::TILE) as u32;
             match step % 4 {
                 3 => {
                     let prototype = scene.objects[0].clone();
                     append(&mut numbers, &mut scene, &prototype, &mut texels);
                     changed = vec![scene.objects.len() as u32 - 1];
+                    new = vec![texels.tiles[changed[0] as usize].clone()];
                     boxes.clear();
                 }
                 2 => {
                     let own = object + u32::from(object >= empty);
                     let mesh = &mut scene.objects[object as usize].mesh;
-                    *mesh = if *mesh == empty { own } else { empty };
+                    away = *mesh != empty;
+                    *mesh = if away { empty } else { own };
+                    if !away {
+                        new = vec![find_texels(&mut numbers, object, &mut texels)];
+                    }
                 }
                 _ => {
                     scene.objects[object as usize].transform =
@@ -171,8 +190,12 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
                 lookups: boxes,
             };
             let version = map
-                .change(&scene, &texels, &changed, &replaced, boxes)
+                .change(&scene, &texels, &new, &changed, &replaced, boxes)
                 .expect("a change");
+            reused += new.iter().filter(|tiles| tiles.start < known).count();
+            if away {
+                retired.push((version, texels.retire(object)));
+            }
             for _ in 0..8 {
                 let at = choose(&mut numbers, held.len());
                 let (light, old) = held[at].clone();
@@ -197,7 +220,12 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
             }
             let oldest = held.iter().map(|h| h.1).min().expect("lights");
             map.forget(oldest).expect("room");
+            for (_, tiles) in retired.extract_if(.., |(since, _)| *since <= oldest) {
+                texels.release(tiles);
+            }
         }
+        println!("seed {seed}: {reused} of what came lies where others were");
+        all_reused += reused;
         let last = map.version();
         for (light, version) in &mut held {
             map.push_difference(light, *version, last).expect("update");
@@ -213,7 +241,7 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
             .filter(|&o| scene.mesh(o).triangles.is_empty())
             .collect();
         let version = fresh
-            .change(&scene, &texels, &gone, &[], Boxes::default())
+            .change(&scene, &texels, &[], &gone, &[], Boxes::default())
             .expect("a change");
         for (light, _) in held {
             fresh.push(light, Sign::Add, version).expect("add");
@@ -222,4 +250,5 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         let wrong = sums.iter().zip(&expected).filter(|(a, b)| a != b).count();
         assert_eq!(wrong, 0, "of {} sums, seed {seed}", sums.len());
     }
+    assert!(all_reused > 0, "no tile was ever another object's");
 }
