@@ -3,17 +3,28 @@
 #[path = "scene_edits/fixtures.rs"]
 mod fixtures;
 
-use std::path::Path;
+use std::sync::Mutex;
 
-use fixtures::write_chair;
+use fixtures::{edit, steps, write_chair};
 use peak_alloc::PeakAlloc;
+use proptest::prelude::*;
 use rebake::bake::{Baker, Job, Limit, Options, Quality, Silent};
 use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::AtlasOptions;
-use rebake::scene::{Scene, builtin::builtin, edit::Command};
+use rebake::scene::{
+    Scene,
+    builtin::builtin,
+    edit::{Command, Editor},
+};
 
 #[global_allocator]
 static HOST: PeakAlloc = PeakAlloc;
+
+/// Only one test counts at a time.
+static COUNTING: Mutex<()> = Mutex::new(());
+
+/// Rounds after which as much may be kept for later as will ever be.
+const SETTLED: usize = 3;
 
 /// A small Cornell box, converged.
 fn baker() -> Baker {
@@ -40,65 +51,74 @@ fn baker() -> Baker {
     baker
 }
 
-fn play(baker: &mut Baker, line: &str, folder: &Path) {
-    match Command::parse(line).unwrap() {
-        Command::Edit(edit) => baker.apply(&edit, folder).unwrap(),
-        Command::Undo => baker.undo().unwrap(),
-        Command::Redo => baker.redo().unwrap(),
-        Command::Wait(_) => {
-            baker.step(Limit::Converged).unwrap();
-        }
-    }
-}
-
-/// Bytes on the host and on the device after each of some rounds of a script, which leaves the scene as it found it.
-fn rounds(lines: &[&str], count: usize) -> Vec<[u64; 2]> {
-    let folder = tempfile::tempdir().unwrap();
-    write_chair(folder.path());
+/// Plays rounds, each of which leaves the scene as it found it: bytes on the host and on the device must stay what they are
+/// after the first ones.
+fn holds(what: &str, count: usize, mut round: impl FnMut(&mut Baker)) {
+    let alone = COUNTING.lock().unwrap_or_else(|e| e.into_inner());
     let mut baker = baker();
     let mut bytes = Vec::with_capacity(count);
     for _ in 0..count {
-        for line in lines {
-            play(&mut baker, line, folder.path());
-        }
-        bytes.push([HOST.current_usage() as u64, baker.gpu().live_bytes()]);
+        round(&mut baker);
+        baker.step(Limit::Converged).unwrap();
+        bytes.push([HOST.current_usage(), baker.gpu().live_bytes() as usize]);
     }
-    bytes
+    drop(alone);
+    println!("{what}: {bytes:?}");
+    let [[host, device], [last, last_device]] = [bytes[SETTLED - 1], bytes[count - 1]];
+    assert_eq!(
+        device, last_device,
+        "{what}: the device's memory: {bytes:?}"
+    );
+    assert!(last <= host + 8192, "{what}: the host's memory: {bytes:?}");
 }
-
-const WAIT: &str = r#"{"do": "wait", "until": "converged"}"#;
-const UNDO: &str = r#"{"do": "undo"}"#;
 
 #[test]
 fn what_an_undone_edit_brought_is_given_back() {
-    for lines in [
-        &[
-            r#"{"do": "copy", "node": "small.box", "name": "box 2"}"#,
-            WAIT,
-            UNDO,
-            WAIT,
-        ][..],
-        &[
-            r#"{"do": "add", "file": "chair.gltf", "name": "chair"}"#,
-            WAIT,
-            UNDO,
-            WAIT,
-        ],
-        &[r#"{"do": "remove", "node": "tall.box"}"#, WAIT, UNDO, WAIT],
-        &[
-            r#"{"do": "transform", "node": "small.box", "translation": [0.4, 0.0, 0.6]}"#,
-            WAIT,
-            UNDO,
-            WAIT,
-        ],
-        &[
-            r#"{"do": "material", "material": "red", "baseColorFactor": [0.1, 0.1, 0.8, 1]}"#,
-            WAIT,
-            UNDO,
-            WAIT,
-        ],
+    let folder = tempfile::tempdir().unwrap();
+    write_chair(folder.path());
+    for line in [
+        r#"{"do": "copy", "node": "small.box", "name": "box 2"}"#,
+        r#"{"do": "add", "file": "chair.gltf", "name": "chair"}"#,
+        r#"{"do": "remove", "node": "tall.box"}"#,
+        r#"{"do": "transform", "node": "small.box", "translation": [0.4, 0.0, 0.6]}"#,
+        r#"{"do": "material", "material": "lamp", "emissiveStrength": 9000.0}"#,
     ] {
-        let bytes = rounds(lines, 8);
-        println!("{}: {bytes:?}", lines[0]);
+        let Command::Edit(edit) = Command::parse(line).unwrap() else {
+            panic!("{line} is no edit");
+        };
+        holds(line, 8, |baker| {
+            baker.apply(&edit, folder.path()).unwrap();
+            baker.step(Limit::Converged).unwrap();
+            baker.undo().unwrap();
+        });
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 2,
+        failure_persistence: None,
+        max_shrink_iters: 30,
+        ..ProptestConfig::default()
+    })]
+    #[test]
+    fn what_undone_edits_brought_is_given_back(steps in steps(1..12)) {
+        let folder = tempfile::tempdir().unwrap();
+        write_chair(folder.path());
+        holds(&format!("{} steps", steps.len()), 16, |baker| {
+            let mut depth = 0;
+            for (i, step) in steps.iter().enumerate() {
+                let document = baker.document().clone();
+                let editor = Editor::new(Scene::clone(baker.scene()), document);
+                let Some(edit) = editor.ok().and_then(|editor| edit(&editor, step)) else { continue };
+                depth += u32::from(baker.apply(&edit, folder.path()).is_ok());
+                if i % 3 == 1 {
+                    baker.step(Limit::Updates(5)).unwrap();
+                }
+            }
+            for _ in 0..depth {
+                baker.undo().unwrap();
+            }
+        });
     }
 }

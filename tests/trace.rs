@@ -171,3 +171,58 @@ fn a_trace_is_refused_early_or_written_whole() {
     assert!(slices(&read(&file)).iter().any(|s| s["name"] == "load"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
+
+#[test]
+fn a_viewers_trace_holds_frames_updates_and_passes() {
+    let folder = tempdir().unwrap();
+    let scene = builtin("cornell", folder.path());
+    let walk = folder.path().join("walk.jsonl");
+    let lines = [
+        r#"{"do": "frame", "count": 2, "updates": 3}"#,
+        r#"{"do": "transform", "node": "small.box", "translation": [0.4, 0.0, 0.5]}"#,
+        r#"{"do": "frame", "count": 2, "updates": 3}"#,
+    ];
+    std::fs::write(&walk, lines.join("\n")).unwrap();
+    let file = folder.path().join("trace.json");
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_viewer"))
+        .args([
+            &scene,
+            Path::new("--headless"),
+            Path::new("--script"),
+            &walk,
+        ])
+        .args([Path::new("--frames-dir"), &folder.path().join("frames")])
+        .args([Path::new("--trace"), &file])
+        .args("--size 160x90 --quality draft --texels 4k".split(' '))
+        .env_remove("RUST_LOG")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let trace = read(&file);
+    let slices = slices(&trace);
+    check_nesting(&slices);
+    let of = |kind: &str, name: &str| -> Vec<(f64, f64)> {
+        let own = slices
+            .iter()
+            .filter(|s| s["cat"] == kind && s["name"] == name);
+        own.map(|s| span(s)).collect()
+    };
+    let [frames, edits] = ["frame", "edit"].map(|name| of("span", name));
+    assert_eq!((frames.len(), edits.len()), (4, 1));
+    for part in ["draw", "write picture"] {
+        let parts = of("span", part);
+        assert!(parts.len() >= 4, "{part}");
+        assert!(parts.iter().all(|p| frames.iter().any(|f| inside(*p, *f))));
+    }
+    // Updates run between frames, after an edit as well.
+    let updates = of("span", "update");
+    assert!(updates.iter().any(|u| u.0 > edits[0].1));
+    assert!(
+        !updates
+            .iter()
+            .any(|u| frames.iter().any(|f| inside(*u, *f)))
+    );
+    for pass in ["view surfaces", "view tone", "view pages", "shadow cull"] {
+        assert!(!of("pass", pass).is_empty(), "no pass `{pass}`");
+    }
+}

@@ -37,7 +37,8 @@ impl Clearances {
             reach: REACH / density,
             boxes: Vec::new(),
         };
-        new.extend(texels, &[0..(texels.list.len() / Texel::TILE) as u32]);
+        let all = 0..(texels.list.len() / Texel::TILE) as u32;
+        new.extend(texels, std::slice::from_ref(&all));
         texels.clearances = texels
             .list
             .par_iter()

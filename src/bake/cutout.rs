@@ -1,10 +1,12 @@
 //! Where triangles of masked materials let light pass: one bit a texel, and which triangles need to ask for it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec2;
 
+use super::pool::Pool;
 use super::records::Cutout;
 use crate::scene::{AlphaMode, Scene, Texture, Wrap};
 
@@ -12,10 +14,19 @@ use crate::scene::{AlphaMode, Scene, Texture, Wrap};
 #[derive(Default)]
 pub(super) struct Masks {
     pub(super) bits: Vec<u32>,
+    words: Pool,
     /// First word, by material of the scene last learned; none where it was not asked for or has no mask.
     first: Vec<Option<u32>>,
-    /// First word of every mask ever made: texture, alpha factor, cutoff.
-    known: Vec<(Arc<Texture>, [u32; 2], u32)>,
+    made: Vec<Mask>,
+}
+
+struct Mask {
+    texture: Arc<Texture>,
+    /// Alpha factor and cutoff.
+    alpha: [u32; 2],
+    words: Range<u32>,
+    /// Instances that ask for it.
+    users: BTreeSet<u32>,
 }
 
 /// What a triangle's alpha leaves of it.
@@ -27,23 +38,46 @@ pub(super) enum Coverage {
 }
 
 impl Masks {
-    /// Makes the masks that the objects' materials need and that are not known yet.
-    pub(super) fn learn(&mut self, scene: &Scene, objects: &[u32]) {
-        let used: BTreeSet<u32> = objects
-            .iter()
-            .flat_map(|&object| &scene.mesh(object).primitives)
-            .map(|primitive| primitive.material)
-            .collect();
-        self.first = (0..scene.materials.len() as u32)
-            .map(|material| {
-                used.contains(&material)
-                    .then(|| self.mask(scene, material))?
-            })
-            .collect();
+    /// Makes the masks that the materials of objects need, each in an instance, and that are not there yet: returns where their
+    /// bits are.
+    pub(super) fn learn(
+        &mut self,
+        scene: &Scene,
+        objects: &[u32],
+        instances: &[u32],
+    ) -> Vec<Range<u32>> {
+        let mut new = Vec::new();
+        let mut masks = BTreeMap::new();
+        self.first = vec![None; scene.materials.len()];
+        for (&object, &instance) in objects.iter().zip(instances) {
+            for primitive in &scene.mesh(object).primitives {
+                let material = primitive.material;
+                let mask = *masks
+                    .entry(material)
+                    .or_insert_with(|| self.mask(scene, material, &mut new));
+                if let Some(mask) = mask.map(|mask: usize| &mut self.made[mask]) {
+                    mask.users.insert(instance);
+                    self.first[material as usize] = Some(mask.words.start);
+                }
+            }
+        }
+        new
     }
 
-    /// The first word of a material's mask.
-    fn mask(&mut self, scene: &Scene, material: u32) -> Option<u32> {
+    /// Instances are no more: masks that no other one asks for make room.
+    pub(super) fn forget(&mut self, instances: &[u32]) {
+        for mask in &mut self.made {
+            for instance in instances {
+                mask.users.remove(instance);
+            }
+        }
+        for mask in self.made.extract_if(.., |mask| mask.users.is_empty()) {
+            self.words.give(mask.words);
+        }
+    }
+
+    /// A material's mask, if it has one.
+    fn mask(&mut self, scene: &Scene, material: u32, new: &mut Vec<Range<u32>>) -> Option<usize> {
         let material = &scene.materials[material as usize];
         let AlphaMode::Mask { cutoff } = material.alpha else {
             return None;
@@ -53,24 +87,32 @@ impl Masks {
             return None;
         }
         let alpha = [material.base_color.w.to_bits(), cutoff.to_bits()];
-        let same = |(known, a, _): &&(Arc<Texture>, [u32; 2], u32)| {
-            Arc::ptr_eq(known, texture) && *a == alpha
-        };
-        if let Some((_, _, first)) = self.known.iter().find(same) {
-            return Some(*first);
+        let same = |mask: &Mask| Arc::ptr_eq(&mask.texture, texture) && mask.alpha == alpha;
+        if let Some(mask) = self.made.iter().position(same) {
+            return Some(mask);
         }
-        let first = self.bits.len() as u32;
-        for row in texture.texels.chunks(texture.width as usize) {
-            self.bits.extend(row.chunks(32).map(|word| {
-                let stops =
-                    |t: &[u8; 4]| material.base_color.w * (f32::from(t[3]) / 255.0) >= cutoff;
+        let stops = |t: &[u8; 4]| material.base_color.w * (f32::from(t[3]) / 255.0) >= cutoff;
+        let rows = texture.texels.chunks(texture.width as usize);
+        let bits: Vec<u32> = rows
+            .flat_map(|row| row.chunks(32))
+            .map(|word| {
                 (0..)
                     .zip(word)
                     .fold(0, |bits, (i, t)| bits | u32::from(stops(t)) << i)
-            }));
-        }
-        self.known.push((texture.clone(), alpha, first));
-        Some(first)
+            })
+            .collect();
+        let words = self.words.take(bits.len() as u32);
+        let end = self.bits.len().max(words.end as usize);
+        self.bits.resize(end, 0);
+        self.bits[words.start as usize..words.end as usize].copy_from_slice(&bits);
+        new.push(words.clone());
+        self.made.push(Mask {
+            texture: texture.clone(),
+            alpha,
+            words,
+            users: BTreeSet::new(),
+        });
+        Some(self.made.len() - 1)
     }
 
     /// What is left of an object's triangle; corners in the order of [`Scene::world_triangle`].

@@ -62,11 +62,13 @@ impl Occluders {
         objects: &[u32],
         instances: &[u32],
     ) -> Result<()> {
-        let known = self.masks.bits.len();
-        self.masks.learn(scene, objects);
+        let new = self.masks.learn(scene, objects, instances);
         let masks = &self.masks;
         grow(gpu, cmd, &mut self.bits, masks.bits.len() as u64 * 4)?;
-        cmd.upload(&self.bits, known as u64 * 4, &masks.bits[known..])?;
+        for words in new {
+            let own = words.start as usize..words.end as usize;
+            cmd.upload(&self.bits, u64::from(words.start) * 4, &masks.bits[own])?;
+        }
         let parts: Vec<[Vec<Part>; 2]> = objects
             .par_iter()
             .map(|&object| {
@@ -87,6 +89,7 @@ impl Occluders {
     /// Gives back what the instances took: nothing on the device names them any more, but the instance `nobody`, which stands
     /// nowhere.
     pub(super) fn remove(&mut self, cmd: &mut Commands, instances: &[u32], nobody: u32) {
+        self.masks.forget(instances);
         for chunks in [&mut self.whole, &mut self.masked] {
             let taken = instances.iter().filter_map(|i| chunks.taken.remove(i));
             let free: Vec<Range<u32>> = taken.map(|(range, _)| range).collect();

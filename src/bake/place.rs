@@ -165,8 +165,8 @@ impl Receivers {
     }
 
     /// Puts other receivers in the place of those of some tiles of texels (ascending) that stand somewhere, with what stands
-    /// near them now. `begin` names the instances, for one that tiles belonged to: that of its old tiles from here on, and
-    /// that of the new ones.
+    /// near them now. `begin` names the instances, for one that tiles belonged to, and that may keep none: that of its old tiles
+    /// from here on, and that of the new ones.
     pub(super) fn replace(
         &mut self,
         gpu: &Gpu,
@@ -174,7 +174,7 @@ impl Receivers {
         scene: &Scene,
         texels: &Texels,
         tiles: &[u32],
-        begin: &mut dyn FnMut(u32) -> [u32; 2],
+        begin: &mut dyn FnMut(u32, bool) -> [u32; 2],
     ) -> Result<()> {
         let mut owners = BTreeMap::<u32, Vec<u32>>::new();
         for &tile in tiles {
@@ -183,12 +183,15 @@ impl Receivers {
         }
         let mut entries = Vec::with_capacity(tiles.len());
         for (owner, tiles) in owners {
-            let [ended, instance] = begin(owner);
+            let slot = |tile: &u32| self.now[*tile as usize][0];
+            let mut old: Vec<u32> = tiles.iter().map(slot).collect();
+            old.sort_unstable();
+            let left = without(self.taken.get(&owner).map_or(&[], |own| own), &old);
+            let [ended, instance] = begin(owner, left.is_empty());
             let range = self.pool.take(tiles.len() as u32);
             self.make_room(gpu, cmd, instance)?;
             let object = texels.list[tiles[0] as usize * Texel::TILE].object;
             self.upload_placement(cmd, instance, &scene.objects[object as usize].transform)?;
-            let first = entries.len();
             for (&tile, new) in tiles.iter().zip(range.clone()) {
                 let [old, _] = std::mem::replace(&mut self.now[tile as usize], [new, instance]);
                 entries.push(Replaced {
@@ -199,11 +202,7 @@ impl Receivers {
                     instance,
                 });
             }
-            let mut old: Vec<u32> = entries[first..].iter().map(|e| e.old).collect();
-            old.sort_unstable();
-            if let Some(ranges) = self.taken.get_mut(&owner) {
-                *ranges = without(ranges, &old);
-            }
+            self.taken.insert(owner, left);
             let old = old.into_iter().map(|slot| slot..slot + 1).collect();
             self.taken.insert(ended, old);
             self.taken.insert(instance, vec![range]);

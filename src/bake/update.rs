@@ -194,7 +194,7 @@ impl Illumination {
             instances.push(instance);
         }
         let versions = &mut self.versions;
-        let mut begin = |instance| versions.begin_part(instance);
+        let mut begin = |instance, all| versions.begin_part(instance, all);
         self.receivers
             .replace(&self.gpu, &mut cmd, scene, texels, replaced, &mut begin)?;
         self.occluders

@@ -128,11 +128,19 @@ impl Versions {
     }
 
     /// Some tiles of an instance are others from the current version on: returns the instance of the old ones, which ends
-    /// now, and that of the new ones, which begins.
-    pub(super) fn begin_part(&mut self, instance: u32) -> [u32; 2] {
+    /// now, and that of the new ones, which begins. `all`: none are left as they were, so that a part ends as a whole.
+    pub(super) fn begin_part(&mut self, instance: u32, all: bool) -> [u32; 2] {
         let (object, since) = (self.object[&instance], self.table[instance as usize].since);
-        let parts = [(since, self.current), (self.current, Version::MAX)];
-        let [ended, begun] = parts.map(|(since, until)| self.enter(object, since, until));
+        let parts = self.current_of.entry(object).or_default();
+        // The object itself has triangles.
+        let ended = if all && parts.first() != Some(&instance) {
+            parts.retain(|part| *part != instance);
+            self.table[instance as usize].until = self.current;
+            instance
+        } else {
+            self.enter(object, since, self.current)
+        };
+        let begun = self.enter(object, self.current, Version::MAX);
         self.current_of.entry(object).or_default().push(begun);
         [ended, begun]
     }

@@ -15,8 +15,7 @@ const FRAMES: u32 = 4;
 
 impl Bench<'_> {
     /// Looks at the scene from its first camera, with a map that is still empty: what a picture costs does not depend on what
-    /// the map holds. On a device of its own: once lavapipe has drawn anything, its timestamps are taken when it comes to
-    /// draw again, so that compute passes seem to take no time.
+    /// the map holds. On a device of its own, whose passes are the pictures' alone.
     pub(super) fn frames(&mut self) -> Result<(), BenchError> {
         let gpu = Gpu::new(&GpuOptions {
             device: Some(self.gpu.info().index.to_string()),

@@ -92,7 +92,6 @@ impl Commands {
         let first = self.timestamps;
         let timed = first + 2 <= MAX_TIMESTAMPS;
         let raw = self.raw();
-        let pool = self.recording.as_ref().expect("as above").timestamps;
         self.timestamps += 2 * u32::from(timed);
         let counts = self.recording.as_ref().expect("as above").counts_of(first);
         let counts = counts.filter(|_| timed && !self.counting);
@@ -107,12 +106,7 @@ impl Commands {
                 );
             }
             if timed {
-                self.device().cmd_write_timestamp2(
-                    raw,
-                    vk::PipelineStageFlags2::ALL_COMMANDS,
-                    pool,
-                    first,
-                );
+                self.stamp(first);
             }
             if let Some((pool, at)) = counts {
                 let flags = vk::QueryControlFlags::empty();
@@ -127,12 +121,7 @@ impl Commands {
                 self.counting = false;
             }
             if timed {
-                self.device().cmd_write_timestamp2(
-                    raw,
-                    vk::PipelineStageFlags2::ALL_COMMANDS,
-                    pool,
-                    first + 1,
-                );
+                self.stamp(first + 1);
             }
             if let Some(debug) = &self.gpu.0.debug {
                 debug.cmd_end_debug_utils_label(raw);
@@ -142,6 +131,16 @@ impl Commands {
             recording.scopes.push((name, first));
         }
         result
+    }
+
+    /// Takes a timestamp of this recording.
+    ///
+    /// # Safety
+    /// As [`Recording::stamp`].
+    unsafe fn stamp(&self, index: u32) {
+        let recording = self.recording.as_ref().expect("as above");
+        // SAFETY: the caller's promise.
+        unsafe { recording.stamp(&self.gpu.0, index) };
     }
 
     /// What `from` has written is seen by `to`.

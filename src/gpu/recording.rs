@@ -59,13 +59,8 @@ impl Recording {
         if !self.traced {
             return;
         }
-        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         // SAFETY: the caller's promise.
-        unsafe {
-            shared
-                .device
-                .cmd_write_timestamp2(self.buffer, all, self.timestamps, WHOLE);
-        }
+        unsafe { self.stamp(shared, WHOLE) };
         if let Some(kinds) = shared.statistics {
             self.reset_counts(&shared.device, kinds);
         }
@@ -79,15 +74,33 @@ impl Recording {
         if !self.traced {
             return;
         }
-        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         // SAFETY: the caller's promise.
-        unsafe {
-            shared
-                .device
-                .cmd_write_timestamp2(self.buffer, all, self.timestamps, WHOLE + 1);
-        }
+        unsafe { self.stamp(shared, WHOLE + 1) };
         self.sent = trace::now();
         trace::sent(value);
+    }
+
+    /// Takes timestamp `index` when all before it is done.
+    ///
+    /// Mesa's CPU driver, once it has drawn anything, leaves a timestamp to the next scene that it draws, while it runs compute
+    /// shaders at once: the timestamp before one would be taken after it. A barrier makes it finish what it has left.
+    ///
+    /// # Safety
+    /// It is being recorded, outside of drawing; the timestamp was reset and is taken once.
+    pub(super) unsafe fn stamp(&self, shared: &Shared, index: u32) {
+        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
+        let (device, buffer) = (&shared.device, self.buffer);
+        // SAFETY: the caller's promise.
+        unsafe {
+            device.cmd_write_timestamp2(buffer, all, self.timestamps, index);
+            if shared.info.kind == "CPU" {
+                let barriers = [vk::MemoryBarrier2::default()
+                    .src_stage_mask(all)
+                    .dst_stage_mask(all)];
+                let info = vk::DependencyInfo::default().memory_barriers(&barriers);
+                device.cmd_pipeline_barrier2(buffer, &info);
+            }
+        }
     }
 
     /// Makes room for pipeline statistics; without it there are none.

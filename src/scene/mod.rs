@@ -16,6 +16,7 @@ mod meshes;
 mod nodes;
 mod pack;
 mod sample;
+mod source;
 mod uri;
 
 use std::sync::Arc;
@@ -25,6 +26,7 @@ pub use error::SceneError;
 pub use lights::overlay_lights;
 pub use pack::write_whole;
 pub use sample::Bounds;
+pub use source::Source;
 
 use glam::{Affine2, Affine3A, Vec2, Vec3, Vec4};
 

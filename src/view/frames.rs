@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use egui::ViewportId;
+use tracing::debug_span;
 use winit::event::WindowEvent;
 use winit::window::Window;
 
@@ -120,13 +121,9 @@ impl Frames {
 
     /// Whether the event asks for a frame.
     pub(super) fn take_event(&mut self, window: &Window, event: &WindowEvent) -> bool {
-        let input = matches!(
-            event,
-            WindowEvent::KeyboardInput { .. }
-                | WindowEvent::MouseInput { .. }
-                | WindowEvent::MouseWheel { .. }
-                | WindowEvent::CursorMoved { .. }
-        );
+        let kind = input(event);
+        let input = kind.is_some();
+        let _span = kind.map(|kind| debug_span!("input", name = kind).entered());
         if let (true, Ok(seen)) = (input, self.swapchain.finished()) {
             self.pace.event(seen);
         }
@@ -156,10 +153,12 @@ impl Frames {
         bvh: Option<&SceneBvh>,
         status: &Status,
     ) -> Result<Drawn, ViewError> {
+        let _span = debug_span!("frame", number = self.swapchain.sent() + 1).entered();
         let input = self.events.take_egui_input(window);
         self.pace.taken_in(self.swapchain.sent() + 1);
         self.measured(viewer)?;
-        let outcome = viewer.frame(&self.egui, input, shown, bvh, status);
+        let outcome =
+            debug_span!("panels").in_scope(|| viewer.frame(&self.egui, input, shown, bvh, status));
         let output = outcome.output;
         self.events
             .handle_platform_output(window, output.platform_output);
@@ -177,9 +176,11 @@ impl Frames {
             again,
             fine: None,
         };
-        let Some(frame) = self.swapchain.acquire()? else {
+        let acquired = debug_span!("acquire").in_scope(|| self.swapchain.acquire())?;
+        let Some(frame) = acquired else {
             return Ok(drawn);
         };
+        let recording = debug_span!("record").entered();
         let primitives = self.egui.tessellate(output.shapes, output.pixels_per_point);
         let timings = self.gpu.timings();
         if outcome.live {
@@ -231,7 +232,8 @@ impl Frames {
             cmd.copy_from_image(target, buffer, 0);
             cmd.barrier(Stage::Transfer, Stage::Host);
         }
-        let ticket = self.swapchain.present(cmd, frame)?;
+        drop(recording);
+        let ticket = debug_span!("present").in_scope(|| self.swapchain.present(cmd, frame))?;
         if let Some(buffer) = buffer {
             ticket.wait()?;
             let note = self.screenshot(viewer, size, buffer.mapped(0..buffer.size() as usize));
@@ -314,6 +316,17 @@ impl Frames {
 impl Drop for Frames {
     fn drop(&mut self) {
         tracing::debug!("{:.1} s of frames", self.start.elapsed().as_secs_f64());
+    }
+}
+
+/// What kind of input an event is, if it is any.
+fn input(event: &WindowEvent) -> Option<&'static str> {
+    match event {
+        WindowEvent::KeyboardInput { .. } => Some("key"),
+        WindowEvent::MouseInput { .. } => Some("button"),
+        WindowEvent::MouseWheel { .. } => Some("wheel"),
+        WindowEvent::CursorMoved { .. } => Some("cursor"),
+        _ => None,
     }
 }
 

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use tracing::debug_span;
+
 use super::ViewError;
 use super::camera::{FOV_Y, Pose};
 use super::caption::Caption;
@@ -274,6 +276,7 @@ impl<'a> Headless<'a> {
 
     /// Takes a picture.
     fn frame(&mut self) -> Result<(), ViewError> {
+        let _span = debug_span!("frame", number = self.frames).entered();
         if std::mem::take(&mut self.stale) {
             if self.baker.is_converged() {
                 let map = self.baker.lightmap()?;
@@ -328,7 +331,8 @@ impl<'a> Headless<'a> {
             .options
             .folder
             .join(format!("frame_{:05}.{ending}", self.frames));
-        write_picture(&path, self.options.size, &pixels)?;
+        debug_span!("write picture")
+            .in_scope(|| write_picture(&path, self.options.size, &pixels))?;
         self.frames += 1;
         Ok(())
     }
@@ -341,6 +345,7 @@ impl<'a> Headless<'a> {
     }
 
     fn take(&mut self, seconds: f32, legends: &[Legend]) -> Result<(), ViewError> {
+        let _span = debug_span!("draw").entered();
         let start = Instant::now();
         let mut cmd = self.baker.gpu().commands()?;
         self.shot.scale = self.scale();
@@ -375,3 +380,6 @@ pub(super) fn first_pose(scene: &crate::scene::Scene) -> Pose {
         },
     }
 }
+
+#[cfg(test)]
+mod tests;

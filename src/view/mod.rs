@@ -29,7 +29,6 @@ mod session;
 mod shaders;
 mod shot;
 mod shown;
-mod source;
 mod state;
 mod textures;
 mod units;
@@ -37,6 +36,7 @@ mod worker;
 
 use std::path::PathBuf;
 
+pub use crate::scene::Source;
 pub use app::{WindowOptions, run_window};
 pub use display::Display;
 pub use exposure::{Exposure, meter};
@@ -48,7 +48,6 @@ pub use reference::Reference;
 pub use resolve::{Pages, PagesView};
 pub use shot::{PageShot, Shot};
 pub use shown::Shown;
-pub use source::Source;
 pub use state::{Files, Outcome, Viewer};
 pub use textures::Samplers;
 pub use worker::{News, Request, Setup, Status, Worker};

@@ -92,6 +92,22 @@ impl Place {
         }
     }
 
+    /// How large something is along its axes, metres, that takes `extent` in its own space.
+    pub fn size(&self, extent: DVec3) -> DVec3 {
+        let axes = self.world().matrix3;
+        extent * DVec3::from_array([axes.x_axis, axes.y_axis, axes.z_axis].map(DVec3::length))
+    }
+
+    /// Scaled so that what fills a box of its own space is so large along its axes, around the box's centre. Along an axis
+    /// without extent nothing changes.
+    pub fn sized(self, [low, high]: [DVec3; 2], metres: DVec3) -> Self {
+        let now = self.size(high - low);
+        let factor = |now: f64, wanted: f64| if now > 0.0 { wanted / now } else { 1.0 };
+        let factors = [0, 1, 2].map(|axis| factor(now[axis], metres[axis]));
+        let scaled = self.scaled_by(DVec3::from_array(factors));
+        scaled.holding(0.5 * (low + high), &self)
+    }
+
     /// With a point of its own space where that of `before` was.
     pub fn holding(self, point: DVec3, before: &Self) -> Self {
         let shift = before.world().transform_point3(point) - self.world().transform_point3(point);
@@ -147,6 +163,27 @@ mod tests {
             panic!("a transform");
         };
         assert_eq!(translation, Some(held.translation.to_array()));
+    }
+
+    #[test]
+    fn a_lamp_gets_the_size_that_it_is_given_and_stays_in_its_middle() {
+        let place = Place::of(&document(), 2).unwrap();
+        let own = [DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.5, 0.0, 3.0)];
+        let extent = own[1] - own[0];
+        // Its parent doubles it.
+        assert!(
+            place
+                .size(extent)
+                .abs_diff_eq(DVec3::new(1.0, 0.0, 4.0), 1e-12)
+        );
+        let wanted = DVec3::new(0.25, 9.0, 6.0);
+        let sized = place.sized(own, wanted);
+        let flat = DVec3::new(0.25, 0.0, 6.0);
+        assert!(sized.size(extent).abs_diff_eq(flat, 1e-12));
+        assert_eq!(sized.scale.y, place.scale.y);
+        let middle = 0.5 * (own[0] + own[1]);
+        let [a, b] = [place, sized].map(|p| p.world().transform_point3(middle));
+        assert!(a.distance(b) < 1e-12, "{a} {b}");
     }
 
     fn document() -> Value {

@@ -1,5 +1,6 @@
 //! The bake's side of its thread: answers requests, does slices of updates, and keeps what is shown up to date.
 
+mod answers;
 mod rest;
 
 use std::path::PathBuf;
@@ -7,15 +8,17 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
+use tracing::debug_span;
+
 use super::overlays::{Overlays, Sketch};
 use super::resolve::Pages;
 use super::shown::Shown;
 use super::worker::{Request, Setup, Shared, Status};
 use super::{Note, ViewError};
-use crate::bake::{BakeError, Baker, Limit, Progress};
+use crate::bake::{Baker, Limit, Progress};
 use crate::gpu::GpuError;
 use crate::lightmap::Lightmap;
-use crate::scene::edit::{Command, Edit};
+use crate::scene::edit::Command;
 
 /// Share of the time that bringing the shown map up to date may take.
 const SHOWING: u32 = 6;
@@ -189,91 +192,9 @@ impl<'a> Session<'a> {
         }
     }
 
-    fn answer(&mut self, request: Request) -> Result<(), ViewError> {
-        match request {
-            Request::Command(command) => self.command(command)?,
-            Request::Pause(paused) => self.paused = paused,
-            Request::Step => self.single += 1,
-            Request::StartOver(compare) => {
-                if compare {
-                    self.compare = Some(self.baker.lightmap()?);
-                }
-                self.baker.start_over()?;
-                self.stale = true;
-                self.marked();
-            }
-            Request::Slice(slice) => self.slice = slice,
-            Request::SaveBake(_) | Request::SaveHistory(_) | Request::SaveScene(_) => {
-                self.save(request);
-            }
-            Request::Overlays(overlays) => {
-                self.overlays = overlays;
-                self.sketch()?;
-            }
-            // The window's state says so already; these end `work`.
-            Request::Live(_) | Request::Close | Request::Reload | Request::Drag(..) => {}
-        }
-        self.publish();
-        Ok(())
-    }
-
-    fn command(&mut self, command: Command) -> Result<(), ViewError> {
-        self.dragging = false;
-        let done = match &command {
-            Command::Edit(edit) => self.baker.apply(edit, &self.setup.folder),
-            Command::Undo => self.baker.undo(),
-            Command::Redo => self.baker.redo(),
-            Command::Wait(_) => Ok(()),
-        };
-        if self.accepted(done)? {
-            self.log.push(command);
-            self.changed()?;
-        }
-        Ok(())
-    }
-
-    fn drag(&mut self, edit: Edit, first: bool) -> Result<(), ViewError> {
-        // A field may tell a number that was typed once more when it is left: that is nothing to undo.
-        if matches!(self.log.last(), Some(Command::Edit(last)) if *last == edit) {
-            return Ok(());
-        }
-        let done = if first {
-            self.baker.apply(&edit, &self.setup.folder)
-        } else {
-            self.baker.amend(&edit, &self.setup.folder)
-        };
-        if self.accepted(done)? {
-            if !first {
-                self.log.pop();
-            }
-            self.log.push(Command::Edit(edit));
-            self.dragging = true;
-            self.changed()?;
-        }
-        Ok(())
-    }
-
-    /// What was refused is told; what broke ends the session.
-    fn accepted(&self, done: Result<(), BakeError>) -> Result<bool, ViewError> {
-        match done {
-            Ok(()) => Ok(true),
-            Err(error @ (BakeError::Edit(_) | BakeError::Lightmap(_))) => {
-                self.tell(Note::failed(error.to_string()));
-                Ok(false)
-            }
-            Err(error) => Err(error.into()),
-        }
-    }
-
-    fn changed(&mut self) -> Result<(), ViewError> {
-        self.marked();
-        self.stale = true;
-        self.show()?;
-        self.sketch()
-    }
-
     /// Draws the overlays as they are now.
     fn sketch(&mut self) -> Result<(), ViewError> {
+        let _span = debug_span!("overlays").entered();
         let start = Instant::now();
         let sketch = Sketch::new(&self.baker, &self.overlays)?;
         self.shared.state().sketch = sketch;
@@ -282,16 +203,9 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    fn marked(&mut self) {
-        let seconds = self.start.elapsed().as_secs_f64();
-        self.status.edits.push(seconds);
-        // Until then it was right.
-        let before = self.status.curve.last().map(|last| [seconds, last[1]]);
-        self.status.curve.extend(before);
-    }
-
     /// Makes the scene as it is now the one that is shown.
     fn show(&mut self) -> Result<(), ViewError> {
+        let _span = debug_span!("show scene").entered();
         let atlas = Some(Arc::new(self.baker.atlas()));
         let (scene, document) = (self.baker.scene(), self.baker.document());
         let pages = self.pages.view();
@@ -306,7 +220,8 @@ impl<'a> Session<'a> {
 
     /// A slice of updates.
     fn step(&mut self) -> Result<(), ViewError> {
-        let live = self.wait_for_frame();
+        let live = debug_span!("wait for a frame").in_scope(|| self.wait_for_frame());
+        let _span = debug_span!("slice", live).entered();
         self.baker.set_batch(live.then_some(self.batch));
         let start = Instant::now();
         let limit = if self.single > 0 {
@@ -378,6 +293,7 @@ impl<'a> Session<'a> {
 
     /// Shows the map as it is.
     fn refresh(&mut self) -> Result<(), GpuError> {
+        let _span = debug_span!("show map").entered();
         let start = Instant::now();
         self.pages.update(&self.baker)?;
         self.updated = Instant::now();

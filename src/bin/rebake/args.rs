@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
-use rebake::bake::Quality;
 
+use super::options;
 use super::values::{count, numbers, positive};
 
 /// Bakes lightmaps from glTF scenes by many-light global illumination.
@@ -15,18 +15,11 @@ use super::values::{count, numbers, positive};
 pub struct Args {
     #[command(subcommand)]
     pub command: Command,
-    /// Vulkan device: its index or a part of its name, as `rebake devices` lists them
-    #[arg(long, global = true, value_name = "INDEX|NAME")]
-    pub device: Option<String>,
-    /// Run the Vulkan validation layer; any message is an error
-    #[arg(long, global = true)]
-    pub validate: bool,
+    #[command(flatten)]
+    pub device: options::Device,
     /// Worker threads; the result does not depend on them
     #[arg(long, global = true)]
     pub threads: Option<NonZeroUsize>,
-    /// Write where the time went: spans of all threads and passes of the device, for ui.perfetto.dev or chrome://tracing
-    #[arg(long, global = true, value_name = "JSON")]
-    pub trace: Option<PathBuf>,
     /// Write results, progress and errors as JSON, one object a line
     #[arg(long, global = true)]
     pub json: bool,
@@ -56,20 +49,14 @@ pub enum Command {
 
 #[derive(clap::Args)]
 pub struct Bake {
-    /// A .gltf or .glb file
-    pub scene: PathBuf,
+    #[command(flatten)]
+    pub scene: options::Scene,
     /// Folder for scene.glb, lightmap_K.exr, bake.json and preview.png
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Preset: how much time to trade for how little error [default: preview]
-    #[arg(long, value_enum)]
-    pub quality: Option<Quality>,
     /// Texels per metre, the same everywhere
     #[arg(long, value_name = "TEXELS/M", value_parser = positive, conflicts_with = "texels")]
     pub density: Option<f32>,
-    /// Texels that the scene's surface should cover (1M, 256k, 512x512), more of them where light varies [default: 1M, but at most 100 texels/m]
-    #[arg(long, value_name = "N", value_parser = count)]
-    pub texels: Option<u64>,
     /// Width and height of a lightmap page [default: as large as needed, up to 4096]
     #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(16..=16384))]
     pub page_size: Option<u32>,
@@ -98,15 +85,6 @@ pub struct Bake {
     #[arg(long, value_name = "BAKE.JSON", conflicts_with_all = ["quality", "density", "texels", "page_size", "clusters",
         "paths", "bounces", "shadow_size", "seed", "indirect_only", "budget"])]
     pub settings: Option<PathBuf>,
-    /// Add a sun: degrees above the horizon, degrees from -Z towards +X, lux
-    #[arg(long, value_name = "ELEVATION,AZIMUTH,LUX", value_parser = numbers::<3>, allow_hyphen_values = true)]
-    pub sun: Vec<[f32; 3]>,
-    /// Add a point light: position in metres, candela
-    #[arg(long, value_name = "X,Y,Z,CANDELA", value_parser = numbers::<4>, allow_hyphen_values = true)]
-    pub point: Vec<[f32; 4]>,
-    /// Lay the lights of another glTF file over the scene
-    #[arg(long, value_name = "FILE")]
-    pub lights: Vec<PathBuf>,
     /// Afterwards subtract every second light, add it again, and fail unless every bit is as before
     #[arg(long)]
     pub verify: bool,

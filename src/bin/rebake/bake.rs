@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use glam::Vec3;
 use rebake::bake::{self, AtlasReport, Baked, Job, Options, Report, Settings, output};
-use rebake::gpu::{Gpu, GpuOptions};
+use rebake::gpu::Gpu;
 use rebake::lightmap::{AtlasOptions, export};
-use rebake::scene::{Document, Scene, overlay_lights};
+use rebake::scene::{Document, Scene};
 use serde::Deserialize;
 use serde_json::json;
 use tracing::info_span;
@@ -60,14 +59,11 @@ pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<
 
 /// The device, and the scene with the lights that the options add.
 pub fn prepare(args: &Args, command: &args::Bake) -> anyhow::Result<(Gpu, Scene, Document)> {
-    let options = GpuOptions {
-        device: args.device.clone(),
-        validate: args.validate,
-    };
+    let options = args.device.options();
     // The driver starts while the file is read.
     let (gpu, loaded) = rayon::join(
         || info_span!("device").in_scope(|| Gpu::new(&options)),
-        || info_span!("load").in_scope(|| load(command)),
+        || info_span!("load").in_scope(|| command.scene.source().load()),
     );
     let (scene, document) = loaded?;
     let gpu = gpu?;
@@ -108,21 +104,6 @@ pub fn summary(output: &Path, report: &Report) -> String {
     )
 }
 
-fn load(command: &args::Bake) -> anyhow::Result<(Scene, Document)> {
-    let (mut scene, mut document) = Scene::load(&command.scene)?;
-    for file in &command.lights {
-        overlay_lights(&mut scene, &mut document, file)?;
-    }
-    for &[elevation, azimuth, lux] in &command.sun {
-        scene.add_sun(&mut document, elevation, azimuth, lux, Vec3::ONE)?;
-    }
-    for &[x, y, z, candela] in &command.point {
-        scene.add_point(&mut document, Vec3::new(x, y, z), candela, Vec3::ONE)?;
-    }
-    scene.validate()?;
-    Ok((scene, document))
-}
-
 pub fn job(command: &args::Bake) -> anyhow::Result<Job> {
     let repeat = command.settings.as_ref().map(|path| -> anyhow::Result<_> {
         let text =
@@ -143,10 +124,10 @@ pub fn job(command: &args::Bake) -> anyhow::Result<Job> {
         atlas: AtlasOptions {
             density: command.density,
             page_size: command.page_size,
-            ..AtlasOptions::with_texels(command.texels)
+            ..AtlasOptions::with_texels(command.scene.texels)
         },
         options: Options {
-            quality: command.quality,
+            quality: command.scene.quality,
             clusters: match command.clusters {
                 Some(Clusters::Count(n)) => Some(n),
                 Some(Clusters::Auto) | None => None,

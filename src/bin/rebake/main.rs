@@ -6,6 +6,10 @@ mod bench;
 mod compare;
 mod console;
 mod devices;
+#[path = "../shared/log.rs"]
+mod log;
+#[path = "../shared/options.rs"]
+mod options;
 mod plot;
 mod replay;
 mod scene;

@@ -4,38 +4,18 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Parser;
-use rebake::bake::Quality;
-use rebake::view::Source;
 
-use super::values::{count, numbers, positive};
+use super::options;
+use super::values::positive;
 
 /// Shows a glTF scene in the light of its lightmap, while that is baked and follows edits.
 #[derive(Parser)]
 #[command(name = "viewer", version, about, max_term_width = 110)]
 pub struct Args {
-    /// A .gltf or .glb file
-    pub scene: PathBuf,
-    /// Vulkan device: its index or a part of its name, as `rebake devices` lists them
-    #[arg(long, value_name = "INDEX|NAME")]
-    pub device: Option<String>,
-    /// Run the Vulkan validation layer; any message is an error
-    #[arg(long)]
-    pub validate: bool,
-    /// Preset: how much time to trade for how little error [default: preview]
-    #[arg(long, value_enum)]
-    pub quality: Option<Quality>,
-    /// Texels that the scene's surface should cover (1M, 256k), more of them where light varies [default: 1M, but at most 100 texels/m]
-    #[arg(long, value_name = "N", value_parser = count)]
-    pub texels: Option<u64>,
-    /// Add a sun: degrees above the horizon, degrees from -Z towards +X, lux
-    #[arg(long, value_name = "ELEVATION,AZIMUTH,LUX", value_parser = numbers::<3>, allow_hyphen_values = true)]
-    pub sun: Vec<[f32; 3]>,
-    /// Add a point light: position in metres, candela
-    #[arg(long, value_name = "X,Y,Z,CANDELA", value_parser = numbers::<4>, allow_hyphen_values = true)]
-    pub point: Vec<[f32; 4]>,
-    /// Lay the lights of another glTF file over the scene
-    #[arg(long, value_name = "FILE")]
-    pub lights: Vec<PathBuf>,
+    #[command(flatten)]
+    pub scene: options::Scene,
+    #[command(flatten)]
+    pub device: options::Device,
     /// Milliseconds of work on the map between two pictures
     #[arg(long, value_name = "MS", default_value_t = 16.0, value_parser = positive)]
     pub frame_ms: f32,
@@ -73,16 +53,6 @@ pub struct Args {
 pub struct Size(pub [u32; 2]);
 
 impl Args {
-    /// The scene with the lights that are added to it.
-    pub fn source(&self) -> Source {
-        Source {
-            path: self.scene.clone(),
-            lights: self.lights.clone(),
-            suns: self.sun.clone(),
-            points: self.point.clone(),
-        }
-    }
-
     /// [`Args::frame_ms`] as a time.
     pub fn frame(&self) -> Duration {
         Duration::from_secs_f32(self.frame_ms / 1e3)

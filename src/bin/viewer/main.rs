@@ -1,6 +1,10 @@
 //! The viewer: parse, resolve, run, one error exit.
 
 mod args;
+#[path = "../shared/log.rs"]
+mod log;
+#[path = "../shared/options.rs"]
+mod options;
 #[path = "../shared/values.rs"]
 mod values;
 
@@ -11,7 +15,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use clap::Parser as _;
 use rebake::bake::{Baker, Job, Options, Silent};
-use rebake::gpu::{Gpu, GpuOptions};
+use rebake::gpu::Gpu;
 use rebake::lightmap::AtlasOptions;
 use rebake::view::script::Line;
 use rebake::view::{Headless, HeadlessOptions, Reference, WindowOptions, reference, run_window};
@@ -20,24 +24,30 @@ use args::Args;
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    match run(&args) {
+    let trace = match log::start("rebake=warn", args.device.trace.as_deref()) {
+        Ok(trace) => trace,
+        Err(error) => return fail(&error),
+    };
+    let result = tracing::info_span!("viewer").in_scope(|| run(&args));
+    // A run that failed is one to look at, too.
+    let traced = trace.map_or(Ok(()), |trace| trace.write());
+    match result.and(traced) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
-            ExitCode::FAILURE
-        }
+        Err(error) => fail(&error),
     }
 }
 
+fn fail(error: &anyhow::Error) -> ExitCode {
+    eprintln!("error: {}", format!("{error:#}").replace('\n', " "));
+    ExitCode::FAILURE
+}
+
 fn run(args: &Args) -> anyhow::Result<()> {
-    let options = GpuOptions {
-        device: args.device.clone(),
-        validate: args.validate,
-    };
+    let options = args.device.options();
     let (Some(script), Some(folder)) = (&args.script, &args.frames_dir) else {
         let folder = args.output.clone();
         return Ok(run_window(WindowOptions {
-            scene: args.source(),
+            scene: args.scene.source(),
             size: args.size.0,
             slice: args.frame(),
             job: job(args),
@@ -52,13 +62,13 @@ fn run(args: &Args) -> anyhow::Result<()> {
     let lines = Line::parse_all(&text).map_err(|(line, error)| {
         anyhow::Error::new(error).context(format!("{} line {line}", script.display()))
     })?;
-    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || args.source().load());
+    let (gpu, loaded) = rayon::join(|| Gpu::new(&options), || args.scene.source().load());
     let (scene, document) = loaded?;
     let gpu = gpu?;
     let mut job = job(args);
     let reference = match &args.reference {
         Some(path) => {
-            reference::adopt(&mut job, path, &args.scene, &scene)?;
+            reference::adopt(&mut job, path, &args.scene.path, &scene)?;
             Some(Arc::new(Reference::load(path)?))
         }
         None => None,
@@ -96,9 +106,9 @@ fn run(args: &Args) -> anyhow::Result<()> {
 
 fn job(args: &Args) -> Job {
     Job {
-        atlas: AtlasOptions::with_texels(args.texels),
+        atlas: AtlasOptions::with_texels(args.scene.texels),
         options: Options {
-            quality: args.quality,
+            quality: args.scene.quality,
             ..Options::default()
         },
         ..Job::default()

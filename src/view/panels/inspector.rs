@@ -1,15 +1,18 @@
 //! The selection and what can be changed of it; without one, all there is to select.
 
-use glam::{DQuat, EulerRot, Vec3};
+mod lamp;
+mod surface;
+
+use glam::{DQuat, EulerRot};
 
 use super::super::input::Action;
 use super::super::place::{Handle, Place};
 use super::super::shown::Shown;
 use super::super::state::Viewer;
-use super::super::units::{color_of_temperature, lumens_per_candela, strength_and_color};
 use super::super::worker::Request;
-use crate::scene::edit::{Edit, Name, Spot};
-use crate::scene::{Aperture, Light};
+use crate::scene::Aperture;
+use lamp::{aperture, punctual};
+use surface::surface;
 
 /// Most names in the list of what there is.
 const LISTED: usize = 400;
@@ -55,6 +58,13 @@ pub(super) fn inspector(
         punctual(viewer, ui, node, light);
     }
     if let Some(object) = object {
+        if scene
+            .lights
+            .iter()
+            .any(|l| matches!(l.aperture, Aperture::Surface { object: o } if o as usize == object))
+        {
+            aperture(viewer, ui, shown, node, object as u32);
+        }
         let mesh = scene.mesh(object as u32);
         let mut materials: Vec<u32> = mesh.primitives.iter().map(|p| p.material).collect();
         materials.sort_unstable();
@@ -152,192 +162,4 @@ fn placement(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, node: u32) {
         viewer.place = Some((node, place));
         viewer.ask(Request::Drag(place.edit(node, handle, false), first));
     }
-}
-
-fn punctual(viewer: &mut Viewer, ui: &mut egui::Ui, node: u32, light: &Light) {
-    let (mut strength, color) = strength_and_color(light);
-    let mut edit = (None, None, None);
-    let mut first = true;
-    let mut number = |ui: &mut egui::Ui, value: &mut f32, unit: &str| {
-        let (speed, before) = ((*value * 0.01).max(1e-3), *value);
-        let field = number_field(value).speed(speed).range(0.0..=1e9);
-        let response = ui.add(field.suffix(unit));
-        let is_new = changed(&response, before.into(), (*value).into());
-        first &= is_new.unwrap_or(true);
-        is_new.is_some()
-    };
-    let kind = match light.aperture {
-        Aperture::Point => "point light",
-        Aperture::Spot { .. } => "spot light",
-        _ => "sun",
-    };
-    ui.label(kind);
-    ui.horizontal(|ui| match lumens_per_candela(&light.aperture) {
-        Some(factor) => {
-            let mut lumens = strength * factor;
-            if number(ui, &mut strength, " cd") {
-                edit.0 = Some(strength);
-            }
-            if number(ui, &mut lumens, " lm") {
-                edit.0 = Some(lumens / factor);
-            }
-        }
-        None => {
-            if number(ui, &mut strength, " lx") {
-                edit.0 = Some(strength);
-            }
-        }
-    });
-    ui.horizontal(|ui| {
-        let mut rgb = color.to_array();
-        let response = ui.color_edit_button_rgb(&mut rgb);
-        if response.changed() {
-            edit.1 = Some(Vec3::from_array(rgb));
-            first = false;
-        }
-        let id = ui.id().with(("kelvin", node));
-        let mut kelvin: f32 = ui.data(|d| d.get_temp(id)).unwrap_or(6500.0);
-        let before = kelvin;
-        let slider = egui::Slider::new(&mut kelvin, 1500.0..=15_000.0).logarithmic(true);
-        let response = ui.add(slider.suffix(" K"));
-        if let Some(is_first) = changed(&response, before.into(), kelvin.into()) {
-            ui.data_mut(|d| d.insert_temp(id, kelvin));
-            edit.1 = Some(color_of_temperature(kelvin));
-            first &= is_first;
-        }
-    });
-    if let Aperture::Spot { inner, outer } = light.aperture {
-        let mut angles = [inner, outer].map(f32::to_degrees);
-        ui.horizontal(|ui| {
-            ui.label("cone");
-            for angle in &mut angles {
-                let before = *angle;
-                let field = number_field(angle).speed(0.2).range(0.0..=90.0);
-                let response = ui.add(field.suffix("°"));
-                if let Some(is_first) = changed(&response, before.into(), (*angle).into()) {
-                    first &= is_first;
-                    edit.2 = Some(());
-                }
-            }
-        });
-        if edit.2.is_some() {
-            let outer = angles[1].to_radians().min(std::f32::consts::FRAC_PI_2);
-            let spot = Spot {
-                inner_cone_angle: Some(f64::from(angles[0].to_radians().min(outer))),
-                outer_cone_angle: Some(f64::from(outer)),
-            };
-            viewer.ask(Request::Drag(
-                light_edit(node, None, None, Some(spot)),
-                first,
-            ));
-            return;
-        }
-    }
-    if edit.0.is_some() || edit.1.is_some() {
-        viewer.ask(Request::Drag(light_edit(node, edit.0, edit.1, None), first));
-    }
-}
-
-fn light_edit(node: u32, intensity: Option<f32>, color: Option<Vec3>, spot: Option<Spot>) -> Edit {
-    Edit::Light {
-        node: Name::Index(node),
-        intensity: intensity.map(f64::from),
-        color: color.map(|c| c.to_array().map(|v| f64::from(v.clamp(0.0, 1.0)))),
-        spot,
-    }
-}
-
-fn surface(viewer: &mut Viewer, ui: &mut egui::Ui, shown: &Shown, object: u32, index: u32) {
-    let material = &shown.scene.materials[index as usize];
-    let Some(source) = material.source else {
-        ui.weak("the default material");
-        return;
-    };
-    ui.push_id(("material", index), |ui| {
-        ui.strong(&material.name);
-        let emits = material.emission.max_element();
-        let (mut base, mut glow) = (None, None);
-        let mut first = true;
-        ui.horizontal(|ui| {
-            let mut rgb = material.base_color.truncate().to_array();
-            ui.label("colour");
-            if ui.color_edit_button_rgb(&mut rgb).changed() {
-                base = Some(rgb);
-                first = false;
-            }
-            if material.base_color_texture.is_some() {
-                ui.weak("times its image");
-            }
-        });
-        ui.horizontal(|ui| {
-            ui.label("emits");
-            let mut strength = emits;
-            let speed = (strength * 0.01).max(0.01);
-            let field = number_field(&mut strength).speed(speed).range(0.0..=1e9);
-            let response = ui.add(field.suffix(" cd/m²"));
-            if let Some(is_first) = changed(&response, emits.into(), strength.into()) {
-                glow = Some(strength);
-                first &= is_first;
-            }
-            // What an image leaves of it is not known here.
-            if emits > 0.0 && material.emission_texture.is_none() {
-                let per_unit = lumens_per_nit(shown, object, index);
-                let before = emits * per_unit;
-                let mut lumens = before;
-                let speed = (lumens * 0.01).max(0.01);
-                let field = number_field(&mut lumens).speed(speed).range(0.0..=1e9);
-                let response = ui.add(field.suffix(" lm"));
-                if let Some(is_first) = changed(&response, before.into(), lumens.into()) {
-                    glow = Some(lumens / per_unit.max(f32::MIN_POSITIVE));
-                    first &= is_first;
-                }
-            }
-        });
-        if base.is_none() && glow.is_none() {
-            return;
-        }
-        let [r, g, b] = base.unwrap_or_default().map(f64::from);
-        // What has never emitted begins white.
-        let factor = (glow.is_some() && emits == 0.0).then_some([1.0; 3]);
-        let largest = factor_of(shown, source);
-        let edit = Edit::Material {
-            material: Name::Index(source),
-            base_color_factor: base.map(|_| [r, g, b, f64::from(material.base_color.w)]),
-            emissive_factor: factor,
-            emissive_strength: glow
-                .map(|s| f64::from(s) / if factor.is_some() { 1.0 } else { largest }),
-        };
-        viewer.ask(Request::Drag(edit, first));
-    });
-}
-
-/// Lumens that an object's surfaces of a material send out, per cd/m² of its strongest channel.
-fn lumens_per_nit(shown: &Shown, object: u32, material: u32) -> f32 {
-    let (scene, place) = (
-        &shown.scene,
-        &shown.scene.objects[object as usize].transform,
-    );
-    let (mesh, looks) = (scene.mesh(object), &scene.materials[material as usize]);
-    let own = mesh.primitives.iter().filter(|p| p.material == material);
-    let triangles = own.flat_map(|p| p.triangles.clone());
-    let area: f32 = triangles
-        .map(|t| {
-            let corners = mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
-            let [a, b, c] = corners.map(|p| place.transform_point3(p));
-            0.5 * (b - a).cross(c - a).length()
-        })
-        .sum();
-    let sides = if looks.double_sided { 2.0 } else { 1.0 };
-    let bright = looks.emission.dot(Vec3::new(0.2126, 0.7152, 0.0722));
-    std::f32::consts::PI * sides * area * bright / looks.emission.max_element()
-}
-
-/// The largest channel of a material's emissive factor, which its strength multiplies; 1 where that is 0.
-fn factor_of(shown: &Shown, source: u32) -> f64 {
-    let factor = shown
-        .json
-        .pointer(&format!("/materials/{source}/emissiveFactor"))
-        .and_then(|f| f.as_array())
-        .map(|f| f.iter().filter_map(|v| v.as_f64()).fold(0.0, f64::max));
-    factor.filter(|f| *f > 0.0).unwrap_or(1.0)
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use rebake::bake::{Job, Options, Quality};
 use rebake::bench::{self, Comparison, Figures, Part, Plan, Scenario, compare, measure};
-use rebake::gpu::{Gpu, GpuOptions};
+use rebake::gpu::Gpu;
 use rebake::lightmap::AtlasOptions;
 use rebake::scene::write_whole;
 
@@ -30,12 +30,7 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
     if let Some(folder) = &command.plots {
         std::fs::create_dir_all(folder).with_context(|| format!("--plots {}", folder.display()))?;
     }
-    let open = || {
-        Gpu::new(&GpuOptions {
-            device: args.device.clone(),
-            validate: args.validate,
-        })
-    };
+    let open = || Gpu::new(&args.device.options());
     let gpu = open()?;
     let plan = plan(command, gpu.info().kind == "CPU")?;
     let names: Vec<String> = if command.scenes.is_empty() {

@@ -1,10 +1,10 @@
-//! What is looked at: a scene's file, and the lights that are added to it.
+//! What is baked: a scene's file, and the lights that are added to it.
 
 use std::path::PathBuf;
 
 use glam::Vec3;
 
-use crate::scene::{Document, Scene, SceneError, overlay_lights};
+use super::{Document, Scene, SceneError, overlay_lights};
 
 /// A scene's file with what is added to it, each time that it is loaded.
 #[derive(Clone, Debug, Default)]
