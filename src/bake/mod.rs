@@ -6,6 +6,7 @@ mod brightness;
 mod clearance;
 mod convergence;
 mod cutout;
+mod edits;
 mod enclosed;
 mod estimate;
 mod journal;
