@@ -8,7 +8,7 @@ use rebake::gpu::{Address, Gpu, GpuError, GpuOptions, Memory, Shader, Stage, dev
 /// `glsl/list_args.comp`: turns the fourth word of each record into workgroup counts in the first three.
 const LIST_ARGS: Shader = Shader {
     name: "list_args",
-    spirv: include_bytes!(concat!(env!("OUT_DIR"), "/list_args.spv")),
+    spirv: include_bytes!(concat!(env!("OUT_DIR"), "/list_args.comp.spv")),
     push_bytes: 12,
     local_size: [8, 1, 1],
 };
