@@ -130,16 +130,24 @@ fn a_budget_ends_in_time_with_a_complete_map() {
     let folder = tempdir().unwrap();
     let scene = builtin("cornell", folder.path());
     let options = "--texels 60k --quality production --clusters 6k";
-    let (budget, start) = (Duration::from_secs(6), Instant::now());
-    let (short, report) = bake(&scene, "short", &format!("{options} --budget 6s"));
-    let took = start.elapsed();
+    let timed = |name: &str, budget: &str| {
+        let start = Instant::now();
+        let baked = bake(&scene, name, &format!("{options} --budget {budget}"));
+        (baked, start.elapsed())
+    };
+    // A bake in a few lights, which any budget allows, is never cut: it takes what it takes on this machine.
+    let (_, least) = timed("least", "100ms");
+    let budget = Duration::from_secs(6);
+    let ((short, report), took) = timed("short", "6s");
     assert_eq!(
         report["stopped_early"], true,
         "6 s were enough: {}",
         report["seconds"]
     );
-    // The bake of Cornell in a few lights, which any budget allows, takes longer on a slow machine: it is never cut.
-    assert!(took < budget * 2, "took {took:?}");
+    assert!(
+        took < budget + 2 * least,
+        "took {took:?}, at least {least:?}"
+    );
     let (full, full_report) = bake(&scene, "full", "--texels 60k");
     assert_eq!(full_report["stopped_early"], false);
     assert_eq!(report["atlas"], full_report["atlas"]);
