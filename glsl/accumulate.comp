@@ -70,20 +70,22 @@ float transfer(Light light, vec3 p, vec3 n, float factor) {
     return height > 1e-5 * light.radius ? max(0.0, factor) / light.area : 0.0;
 }
 
-// Where receivers do not share a view, or more than one place of it is looked at.
-float visibility(Light light, uint index, vec3 p, vec3 face, Clearance clearance) {
-    View view = views.at[index];
+// A point has two hemicubes, back to back: the one that p lies in.
+View facing(View front, View back, vec3 p) {
+    if (FORM != FORM_PUNCTUAL) return front;
+    bool behind = dot(front.z, p - front.origin) < 0.0;
+    View view = front;
+    view.x = behind ? back.x : front.x;
+    view.y = behind ? back.y : front.y;
+    view.z = behind ? back.z : front.z;
+    view.offset = behind ? back.offset : front.offset;
+    return view;
+}
+
+// Where more than one place of a view is looked at, or which one it is differs among receivers.
+float visibility(float radius, View view, vec3 p, vec3 face, Clearance clearance) {
     if (FORM == FORM_DIRECTIONAL) return parallel_visibility(depth, view, p, face, clearance, bias);
-    if (FORM == FORM_PUNCTUAL) {
-        // A point has two hemicubes, back to back.
-        View back = views.at[light.kind == LIGHT_POINT ? index + 1 : index];
-        bool behind = dot(view.z, p - view.origin) < 0.0;
-        view.x = behind ? back.x : view.x;
-        view.y = behind ? back.y : view.y;
-        view.z = behind ? back.z : view.z;
-        view.offset = behind ? back.offset : view.offset;
-    }
-    if (SOFT) return soft_visibility(depth, view, p, face, clearance, light.radius, bias);
+    if (SOFT) return soft_visibility(depth, view, p, face, clearance, radius, bias);
     return visibility(depth, view.offset, sight(view, p, face, clearance, bias));
 }
 
@@ -125,7 +127,7 @@ void main() {
         uint i = uint(findLSB(mask));
         mask &= mask - 1;
         Light light = lights.at[i];
-        View front = views.at[light.view];
+        View first_view = views.at[light.view];
         // What a difference was in the other version, it is no more.
         bool difference = light.other_view != light.view;
         float comes = difference ? (stands(instance, light.version) ? 1.0 : 0.0) : float(light.sign);
@@ -166,16 +168,18 @@ void main() {
             bool dark = hidden(light, positions[k], faces[k]);
             float value = transfer(light, moved[k], normals[k], factors[k]) * scale;
             values[k] = dark ? 0.0 : value;
-            if (!OWN_VIEW) sights[k] = sight(front, moved[k], faces[k], clearances[k], bias);
+            if (!OWN_VIEW) sights[k] = sight(first_view, moved[k], faces[k], clearances[k], bias);
         }
         // Once for each version, by the same instructions: only so is what is taken away what was added, to the last bit.
         uint version = 0;
         for (;;) {
             uint index = version == 0 ? light.view : light.other_view;
             float times = version == 0 ? comes : goes;
+            View front = views.at[index];
+            View back = views.at[light.kind == LIGHT_POINT ? index + 1 : index];
             [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
-                float seen = OWN_VIEW ? visibility(light, index, moved[k], faces[k], clearances[k])
-                                      : visibility(depth, views.at[index].offset, sights[k]);
+                float seen = OWN_VIEW ? visibility(light.radius, facing(front, back, moved[k]), moved[k], faces[k], clearances[k])
+                                      : visibility(depth, front.offset, sights[k]);
                 add(light.flux, values[k] * seen, times, high[k], low[k]);
             }
             if (++version == versions) break;
