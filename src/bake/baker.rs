@@ -23,7 +23,7 @@ use crate::lightmap::Atlas;
 use crate::lightmap::detail::{Point, Probe};
 use crate::lightmap::texels::{ClaimStatistics, Texels};
 use crate::scene::edit::Editor;
-use crate::scene::{Document, Scene};
+use crate::scene::{Camera, Document, Scene};
 use crate::transport::SceneBvh;
 use crate::transport::direct::DirectLight;
 use crate::transport::paths::{self, PathSettings};
@@ -216,6 +216,11 @@ impl Baker {
     /// The share of invalid flux at which validation and balancing take turns (eq. 2's t), above 0 and below 1; 0.1 at first.
     pub fn set_turns_at(&mut self, t: f64) {
         self.turns_at = t;
+    }
+
+    /// What `camera` sees is put right first; without one, all surfaces count the same. The map that it comes to is the same.
+    pub fn look_from(&mut self, camera: Option<&Camera>) {
+        self.brightness.look_from(camera);
     }
 
     /// What tells which lights an edit made wrong: the order of updates, never their result.

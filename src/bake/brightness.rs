@@ -1,5 +1,5 @@
 //! How brightly virtual lights shine on what is near them. A lumen that is wrong is seen by how much irradiance it makes
-//! wrong where: the plan goes by the root of its square over all surfaces, which a few rays tell.
+//! wrong where: the plan goes by the root of its square over all surfaces, or those that a camera sees, which a few rays tell.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -8,8 +8,13 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::eye::Eye;
+use super::records::Region;
+use super::schedule::Held;
+use super::towards::{Towards, towards};
+use super::versions::Version;
 use crate::cluster::{Selected, Shape, VirtualLight};
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use crate::transport::bvh::SceneBvh;
 use crate::transport::intersect::offset;
 use crate::transport::sampling;
@@ -22,9 +27,19 @@ const RAYS: u32 = 12;
 pub(super) struct Brightness {
     /// By address, which stays theirs as long as they are kept here.
     known: BTreeMap<usize, (Arc<Selected>, Vec<f64>)>,
+    /// What goes towards what changed between two versions, likewise.
+    towards: BTreeMap<(usize, Version, Version), (Arc<Selected>, Towards)>,
+    /// Who looks, if anybody does, and who did when that was found out.
+    eye: Option<Eye>,
+    known_to: Option<Eye>,
 }
 
 impl Brightness {
+    /// What `camera` sees counts most from now on.
+    pub(super) fn look_from(&mut self, camera: Option<&Camera>) {
+        self.eye = camera.map(Eye::new);
+    }
+
     /// Finds out about cells that are not known yet.
     pub(super) fn learn<'a>(
         &mut self,
@@ -32,6 +47,8 @@ impl Brightness {
         bvh: &SceneBvh,
         cells: impl IntoIterator<Item = &'a Arc<Selected>>,
     ) {
+        self.look(scene);
+        let eye = self.known_to.as_ref();
         let new: Vec<&Arc<Selected>> = cells
             .into_iter()
             .filter(|cell| !self.known.contains_key(&key(cell)))
@@ -40,7 +57,7 @@ impl Brightness {
             .par_iter()
             .map(|cell| {
                 let lights = cell.lights.iter();
-                let norms = lights.map(|light| f64::from(norm(scene, bvh, light)));
+                let norms = lights.map(|light| f64::from(norm(scene, bvh, eye, light)));
                 ((*cell).clone(), norms.collect())
             })
             .collect();
@@ -49,8 +66,72 @@ impl Brightness {
         }
     }
 
+    /// Finds out what of the light of cells, held under earlier versions, goes towards what changed since.
+    /// `between`: boxes around that.
+    pub(super) fn learn_towards<'a>(
+        &mut self,
+        scene: &Scene,
+        bvh: &SceneBvh,
+        current: Version,
+        held: impl IntoIterator<Item = &'a Held>,
+        between: impl Fn(Version) -> Vec<Region>,
+    ) {
+        self.look(scene);
+        let eye = self.known_to.as_ref();
+        self.towards.retain(|(_, _, to), _| *to == current);
+        let mut regions = BTreeMap::new();
+        let mut new = Vec::new();
+        for held in held {
+            if !self
+                .towards
+                .contains_key(&(key(&held.selected), held.version, current))
+            {
+                regions
+                    .entry(held.version)
+                    .or_insert_with(|| between(held.version));
+                new.push(held);
+            }
+        }
+        let found: Vec<_> = new
+            .par_iter()
+            .map(|held| {
+                towards(
+                    scene,
+                    bvh,
+                    eye,
+                    &held.selected.lights,
+                    &regions[&held.version],
+                )
+            })
+            .collect();
+        for (held, found) in new.into_iter().zip(found) {
+            let key = (key(&held.selected), held.version, current);
+            self.towards.insert(key, (held.selected.clone(), found));
+        }
+    }
+
+    /// What was found out about a cell; nothing, if that is not known.
+    pub(super) fn towards(&self, held: &Held, current: Version) -> Towards {
+        let key = (key(&held.selected), held.version, current);
+        self.towards.get(&key).map_or(Towards::default(), |t| t.1)
+    }
+
+    /// What is known is for who looks now.
+    fn look(&mut self, scene: &Scene) {
+        let size = scene.bounds().size().length();
+        let same = match (&self.eye, &self.known_to) {
+            (Some(now), Some(then)) => now.is_like(then, size),
+            (now, then) => now == then,
+        };
+        if !same {
+            self.known.clear();
+            self.towards.clear();
+            self.known_to.clone_from(&self.eye);
+        }
+    }
+
     /// By light of a cell: the norm (root of the integral of the square over all surfaces, lux m) of the irradiance that
-    /// one unit of its flux or intensity causes.
+    /// one unit of its flux or intensity causes, what is not seen counting less where somebody looks.
     pub(super) fn of(&self, cell: &Selected) -> &[f64] {
         self.known.get(&key(cell)).map_or(&[], |known| &known.1)
     }
@@ -58,6 +139,7 @@ impl Brightness {
     /// All lights are where they should be: what is known is needed no more.
     pub(super) fn forget(&mut self) {
         self.known.clear();
+        self.towards.clear();
     }
 }
 
@@ -66,7 +148,7 @@ fn key(cell: &Selected) -> usize {
 }
 
 /// Monte Carlo: for a diffuse emitter E = cos cos' / (pi d²), and a ray drawn by its cosine stands for d² / cos' of surface.
-fn norm(scene: &Scene, bvh: &SceneBvh, light: &VirtualLight) -> f32 {
+fn norm(scene: &Scene, bvh: &SceneBvh, eye: Option<&Eye>, light: &VirtualLight) -> f32 {
     let area = match &light.shape {
         Shape::Directional { .. } => {
             // A box shows a quarter of its surface.
@@ -107,10 +189,13 @@ fn norm(scene: &Scene, bvh: &SceneBvh, light: &VirtualLight) -> f32 {
             };
             let hit = bvh.closest(scene, origin, direction, far)?;
             let arriving = hit.normal.dot(direction).abs() / (hit.t * hit.t + area / PI + nearest);
+            let weight = eye.map_or(1.0, |eye| {
+                eye.weight(scene, bvh, origin + direction * hit.t, hit.normal)
+            });
             Some(match light.shape {
-                Shape::Point => 4.0 * PI * arriving,
-                Shape::Spot { outer, .. } => 2.0 * PI * (1.0 - outer.cos()) * arriving,
-                _ => light.normal.dot(direction).max(0.0) * arriving / PI,
+                Shape::Point => 4.0 * PI * arriving * weight,
+                Shape::Spot { outer, .. } => 2.0 * PI * (1.0 - outer.cos()) * arriving * weight,
+                _ => light.normal.dot(direction).max(0.0) * arriving * weight / PI,
             })
         })
         .sum();

@@ -9,7 +9,7 @@ use super::journal::Entry;
 use super::replay::Step;
 use super::residual::Residual;
 use super::run::{BakeError, compare_sums};
-use super::schedule::{Plan, What};
+use super::schedule::{Held, Plan, What};
 use super::update::{Illumination, Sign};
 use super::viewport;
 use crate::gpu::{Gpu, GpuError};
@@ -122,7 +122,7 @@ impl Baker {
         let mut steps = Vec::new();
         let mut off = Off::default();
         for entry in entries.into_iter().rev() {
-            let [subtracted, added, limited] = entry.lights();
+            let [subtracted, added, limited] = entry.lights;
             steps.push(Step {
                 seconds: entry.seconds,
                 kind: entry.kind,
@@ -192,20 +192,7 @@ impl Baker {
 
 /// The reverse of an update.
 fn take_back(map: &mut Illumination, entry: &Entry) -> Result<(), GpuError> {
-    for held in &entry.added {
-        for light in &held.selected.lights {
-            map.push(light.clone(), Sign::Subtract, held.version)?;
-        }
-    }
-    for held in &entry.subtracted {
-        for light in &held.selected.lights {
-            map.push(light.clone(), Sign::Add, held.version)?;
-        }
-    }
-    if let Some(held) = &entry.advanced {
-        for light in &held.selected.lights {
-            map.push_difference(light, entry.version, held.version)?;
-        }
-    }
+    let lights = |cells: &[Held]| cells.iter().flat_map(Held::lights).collect::<Vec<_>>();
+    map.exchange(lights(&entry.added), lights(&entry.subtracted))?;
     Ok(())
 }

@@ -50,8 +50,7 @@ pub(super) fn shown(region: &Region) -> f64 {
 }
 
 /// Lumens (mean over RGB) of a light that meet a box, unless something stands between: what a change there can have
-/// made wrong. Sampled paths find this only where one of them happened to go; so what comes new into a scene, and the
-/// footprint of what left, are not lit last.
+/// made wrong.
 pub(super) fn intercepted(light: &VirtualLight, region: &Region) -> f64 {
     let flux = lumens(light.flux);
     let area = shown(region) as f32;

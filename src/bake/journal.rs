@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use super::schedule::{Held, Kind};
-use super::versions::Version;
 use crate::cluster::CellId;
 
 /// One update.
@@ -15,46 +14,33 @@ pub struct Entry {
     pub seconds: f64,
     /// Lumens that the plan still counted as wrong afterwards.
     pub invalid_flux: f64,
-    /// The version that lights were added under.
-    pub(super) version: Version,
     /// Cells that left, with what they held.
     pub(super) subtracted: Vec<Held>,
-    /// Cells that came.
+    /// Cells that came, the same ones where they only followed the scene.
     pub(super) added: Vec<Held>,
+    /// Virtual lights taken away, added, and limited to the shadows of what changed.
+    pub lights: [u64; 3],
     /// Lights that the map had taken in after it, indirect and direct ones.
     taken: [u64; 2],
-    /// A cell that only went from its version to the current one.
-    pub(super) advanced: Option<Held>,
 }
 
 impl Entry {
-    pub(super) fn new(kind: Kind, version: Version) -> Self {
+    pub(super) fn new(kind: Kind) -> Self {
         Self {
             kind,
             seconds: f64::NAN,
             invalid_flux: 0.0,
             taken: [0; 2],
-            version,
             subtracted: Vec::new(),
             added: Vec::new(),
-            advanced: None,
+            lights: [0; 3],
         }
     }
 
     /// The first of its cells.
     pub fn cell(&self) -> Option<CellId> {
-        let cells = self.advanced.iter().chain(&self.subtracted);
-        cells.chain(&self.added).map(|h| h.selected.cell).min()
-    }
-
-    /// Virtual lights taken away, added, and limited to the shadows of what changed.
-    pub fn lights(&self) -> [u64; 3] {
-        let count = |held: &[Held]| held.iter().map(|h| h.selected.lights.len() as u64).sum();
-        [
-            count(&self.subtracted),
-            count(&self.added),
-            count(self.advanced.as_slice()),
-        ]
+        let cells = self.subtracted.iter().chain(&self.added);
+        cells.map(|h| h.selected.cell).min()
     }
 }
 

@@ -79,7 +79,7 @@ pub struct ReplayOptions {
     pub keep_going: bool,
     /// Time for updates between two looks at the map; without it, as much as a line asks for.
     pub frame: Option<Duration>,
-    /// Where the viewport's error is seen from; else from the file's first camera, or from where much of the scene is seen.
+    /// Where the viewport's error is seen from, and what is seen from there put right first; else from the file's first camera, or from where much of the scene is seen.
     pub camera: Option<Camera>,
 }
 
@@ -108,6 +108,7 @@ impl Baker {
         listener: &dyn Listener,
         look: &mut dyn FnMut(&mut Self, f64) -> Result<(), BakeError>,
     ) -> Result<Replay, ScriptError> {
+        self.look_from(options.camera.as_ref());
         self.journal().begin();
         let start = Instant::now();
         let before = self.illumination.lights_sent();

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::brightness::Brightness;
-use super::estimate::{Shining, alone, covered, intercepted, lumens, shining, shown, unlike};
+use super::estimate::{Shining, alone, covered, lumens, shining, shown, unlike};
 use super::records::Region;
+use super::towards::Towards;
 use super::versions::Version;
 use crate::cluster::{CellId, Selected, VirtualLight};
 
@@ -18,6 +19,14 @@ pub(super) struct Held {
     pub selected: Arc<Selected>,
     /// The scene that they were added in.
     pub version: Version,
+}
+
+impl Held {
+    /// Its lights with the version that they were added in.
+    pub(super) fn lights(&self) -> impl Iterator<Item = (VirtualLight, Version)> + '_ {
+        let lights = self.selected.lights.iter();
+        lights.map(|light| (light.clone(), self.version))
+    }
 }
 
 /// The two processes that IBGI interleaves.
@@ -94,6 +103,8 @@ pub enum Priority {
 const LIMITED: f64 = 0.1;
 /// What a direct light costs of an indirect one: its maps are finer, and its shadows softer.
 const DIRECT: f64 = 4.0;
+/// Of what paths found wrong in a light, how much counts at least if rays do not find it.
+const UNSURE: f64 = 0.1;
 /// Of a virtual light that only changed its shape, how much of its flux counts as wrong: its place in the cell is new,
 /// most of what it lights is not.
 const RESHAPED: f64 = 0.1;
@@ -299,7 +310,10 @@ pub(super) fn exchange(
     let keys = |cells: &[CellId]| cells.iter().map(&key).sum::<f64>();
     // The same light in other cells.
     let balancing = !subtract.is_empty() && subtract != add && invalid == 0.0;
-    let both = || old.iter().chain(&new).map(|(l, _)| *l);
+    let changing = || gone.iter().chain(&come).map(|(l, _)| *l);
+    let costs = |lights: &[Shining]| lights.iter().map(|(l, _)| cost(l)).sum::<f64>();
+    // What stays has to follow the scene.
+    let stays = LIMITED * (costs(&new) - costs(&come));
     let gain = if balancing {
         (keys(&subtract) - keys(&add)).abs()
     } else {
@@ -318,8 +332,8 @@ pub(super) fn exchange(
             (unlike(&gone, &come) + unlike(&come, &gone)).sqrt()
         },
         invalid: share_of(wrong.max(invalid), whole),
-        cost: both().map(cost).sum::<f64>().max(1.0),
-        lights: both().count() as u64,
+        cost: (changing().map(cost).sum::<f64>() + stays).max(LIMITED),
+        lights: changing().count() as u64,
         what: What::Exchange { subtract, add },
     }
 }
@@ -330,34 +344,26 @@ fn cost(light: &VirtualLight) -> f64 {
 }
 
 /// The update that brings a held cell to the current version; `regions` is where that differs from the cell's, `invalid`
-/// what validation found wrong in it, lumens.
+/// what validation found wrong in it, lumens, `towards` what of it goes to those regions.
 pub(super) fn advance(
     cell: CellId,
     held: &Held,
     regions: &[Region],
     invalid: f64,
-    priority: Priority,
+    towards: Option<Towards>,
 ) -> Update {
     let lights = &held.selected.lights;
-    let (met, seen) = match priority {
-        Priority::Bounds => lights
-            .iter()
-            .flat_map(|l| regions.iter().map(move |r| (intercepted(l, r), shown(r))))
-            .fold((0.0, 0.0), |(met, seen), (part, area)| {
-                (met + part, seen + part * part / area)
-            }),
-        Priority::Paths => (0.0, 0.0),
-    };
     // Lumens that are spread over what the regions show.
     let all: f64 = regions.iter().map(shown).sum();
-    let gain = invalid.max(met);
+    let spread = invalid / all.max(f64::MIN_POSITIVE).sqrt();
     let part = |l: &VirtualLight| regions.iter().map(|r| covered(l, r)).sum::<f64>().min(1.0);
     let evaluated = |l| cost(l) * (LIMITED + (1.0 - LIMITED) * part(l));
+    let gain = invalid.max(towards.map_or(0.0, |t| t.met));
     Update {
         kind: Kind::Validation,
         what: What::Advance(cell),
         gain,
-        visible: (invalid / all.max(f64::MIN_POSITIVE).sqrt()).max(seen.sqrt()),
+        visible: towards.map_or(spread, |t| t.seen.max(UNSURE * spread)),
         invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
         cost: lights.iter().map(evaluated).sum::<f64>().max(LIMITED),
         lights: lights.len() as u64,

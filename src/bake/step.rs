@@ -7,8 +7,7 @@ use tracing::debug_span;
 
 use super::baker::Baker;
 use super::journal::Entry;
-use super::schedule::{self, Held, Plan, What};
-use super::update::Sign;
+use super::schedule::{self, Held, Plan, Priority, What};
 use crate::cluster::{CellId, Forest as _, Ledger};
 use crate::gpu::GpuError;
 
@@ -181,7 +180,8 @@ impl Baker {
         let held = std::mem::take(&mut self.held);
         let mut updates = self.exchanges(&held);
         self.held = held;
-        updates.extend(self.advances(&updates));
+        let advances = self.advances(&updates);
+        updates.extend(advances);
         self.plan = Plan::new(updates, self.plan.owed());
     }
 
@@ -218,7 +218,7 @@ impl Baker {
     }
 
     /// The updates that bring what stays held to the current scene.
-    fn advances(&self, exchanges: &[schedule::Update]) -> Vec<schedule::Update> {
+    fn advances(&mut self, exchanges: &[schedule::Update]) -> Vec<schedule::Update> {
         let current = self.illumination.version();
         // What is about to leave anyhow need not follow the scene first.
         let leaving: BTreeSet<CellId> = exchanges
@@ -227,61 +227,53 @@ impl Baker {
             .flat_map(|u| u.leaving())
             .copied()
             .collect();
+        let stays = |cell: &CellId, held: &Held| held.version != current && !leaving.contains(cell);
+        let held = || self.held.iter().filter(|(cell, held)| stays(cell, held));
+        let illumination = &self.illumination;
+        let bounds = self.priority == Priority::Bounds;
+        if bounds {
+            let (scene, bvh) = (self.editor.scene(), &self.bvh);
+            let held = held().map(|(_, held)| held);
+            debug_span!("towards").in_scope(|| {
+                let between = |version| illumination.between(version);
+                self.brightness
+                    .learn_towards(scene, bvh, current, held, between);
+            });
+        }
         let mut regions = BTreeMap::new();
-        let mut updates = Vec::new();
-        for (&cell, held) in &self.held {
-            if held.version == current || leaving.contains(&cell) {
-                continue;
-            }
+        let update = |(&cell, held): (&CellId, &Held)| {
             let regions = regions
                 .entry(held.version)
-                .or_insert_with(|| self.illumination.between(held.version));
+                .or_insert_with(|| illumination.between(held.version));
             let invalid = self.ledger.flux(&cell);
-            updates.push(schedule::advance(
-                cell,
-                held,
-                regions,
-                invalid,
-                self.priority,
-            ));
-        }
-        updates
+            let towards = bounds.then(|| self.brightness.towards(held, current));
+            schedule::advance(cell, held, regions, invalid, towards)
+        };
+        held().map(update).collect()
     }
 
     /// Does an update: all of it is sent before anything else is.
     fn perform(&mut self, update: &schedule::Update) -> Result<(), GpuError> {
         let _span = debug_span!("update", kind = update.kind.name()).entered();
         let current = self.illumination.version();
-        let mut entry = Entry::new(update.kind, current);
+        let mut entry = Entry::new(update.kind);
         match &update.what {
             What::Advance(cell) => {
                 // It may have been exchanged since it was planned.
                 let Some(held) = self.held.get_mut(cell).filter(|h| h.version != current) else {
                     return Ok(());
                 };
-                for light in &held.selected.lights {
-                    self.illumination
-                        .push_difference(light, held.version, current)?;
-                }
-                entry.advanced = Some(held.clone());
+                entry.subtracted.push(held.clone());
                 held.version = current;
+                entry.added.push(held.clone());
                 self.ledger.take(cell);
             }
             What::Exchange { subtract, add } => {
-                for cell in subtract {
-                    if let Some(held) = self.held.remove(cell) {
-                        for light in &held.selected.lights {
-                            self.illumination
-                                .push(light.clone(), Sign::Subtract, held.version)?;
-                        }
-                        entry.subtracted.push(held);
-                    }
-                }
+                entry
+                    .subtracted
+                    .extend(subtract.iter().filter_map(|c| self.held.remove(c)));
                 for cell in add {
                     if let Some(selected) = self.wanted.cells().get(cell).cloned() {
-                        for light in &selected.lights {
-                            self.illumination.push(light.clone(), Sign::Add, current)?;
-                        }
                         let held = Held {
                             selected,
                             version: current,
@@ -295,6 +287,9 @@ impl Baker {
                 }
             }
         }
+        let lights = |cells: &[Held]| cells.iter().flat_map(Held::lights).collect::<Vec<_>>();
+        let (leaving, coming) = (lights(&entry.subtracted), lights(&entry.added));
+        entry.lights = self.illumination.exchange(leaving, coming)?;
         let (taken, _) = self.illumination.taken_and_done();
         self.journal.note(entry, self.plan.invalid_flux(), taken);
         Ok(())

@@ -273,6 +273,31 @@ impl Illumination {
         Ok(true)
     }
 
+    /// Takes lights away and adds others, each under its version; what is among both only goes from one version to the
+    /// other. Returns how many were taken away, added, and limited to what changed.
+    pub fn exchange(
+        &mut self,
+        leaving: impl IntoIterator<Item = (VirtualLight, Version)>,
+        coming: impl IntoIterator<Item = (VirtualLight, Version)>,
+    ) -> Result<[u64; 3]> {
+        let mut evaluated = [0; 3];
+        let mut leaving: Vec<_> = leaving.into_iter().collect();
+        for (light, to) in coming {
+            if let Some(at) = leaving.iter().position(|(old, _)| *old == light) {
+                let (_, from) = leaving.swap_remove(at);
+                evaluated[2] += u64::from(self.push_difference(&light, from, to)?);
+            } else {
+                self.push(light, Sign::Add, to)?;
+                evaluated[1] += 1;
+            }
+        }
+        evaluated[0] = leaving.len() as u64;
+        for (light, from) in leaving {
+            self.push(light, Sign::Subtract, from)?;
+        }
+        Ok(evaluated)
+    }
+
     pub(super) fn pass(&self) -> &AccumulatePass {
         &self.accumulate
     }

@@ -10,6 +10,8 @@ use crate::transport::bvh::weights as corner_weights;
 
 /// Width and height of the picture.
 const SIZE: [u32; 2] = [320, 180];
+/// The one over the other.
+pub(super) const ASPECT: f32 = SIZE[0] as f32 / SIZE[1] as f32;
 
 /// By texel of the list, the sum of its weights in the bilinear lookups of a picture's pixels. `camera`, or else the
 /// file's first, or else a place from which much is seen.
@@ -45,7 +47,7 @@ pub(super) fn weights(
         .filter_map(|pixel| {
             let part = |i: u32, n: u32| 2.0 * (i as f32 + 0.5) / n as f32 - 1.0;
             let (x, y) = (
-                part(pixel % SIZE[0], SIZE[0]) * SIZE[0] as f32 / SIZE[1] as f32,
+                part(pixel % SIZE[0], SIZE[0]) * ASPECT,
                 -part(pixel / SIZE[0], SIZE[1]),
             );
             let local = glam::Vec3::new(x * scale, y * scale, -1.0);

@@ -109,7 +109,7 @@ pub struct Replay {
     /// changed, or the paths that it changed alone
     #[arg(long, value_enum, default_value = "bounds")]
     pub priority: Priority,
-    /// Where the viewport's error is seen from: position and target in metres [default: the file's first camera]
+    /// Where the viewport's error is seen from, and what is seen from there put right first: position and target in metres [default: the file's first camera]
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
     pub camera: Option<[f32; 6]>,
     /// Bake the edited scene again from nothing, to plot how fast that would have come to the same map, and compare every bit
