@@ -98,9 +98,9 @@ struct View {
     uint version;
     uint other;    // the version that its light's other view shows; its own where there is none
     uint borrows;  // not 0: what stands in both versions is drawn in the view so many before this one, and copied
-    // Nothing else matters: both versions of an update see the same there. Hemicube: a cone, its axis and angle (radians,
-    // above PI: no limit). Orthographic: a rectangle of the map, its centre and half size.
-    vec4 limit;
+    // Of each face, of an orthographic map in the first: the rectangle that is asked for, first column and row, last column
+    // and row, a byte each, in 256ths of the face. Both versions of an update see the same beside it.
+    uint asked[FACES];
 };
 
 struct Light {

@@ -28,7 +28,7 @@ void main() {
     if (LIMITED) {
         uint row = block / BLOCKS, face = row < BLOCKS ? 0 : 1 + (row - BLOCKS) / (BLOCKS / 2);
         uvec2 first = uvec2(block % BLOCKS, face == 0 ? row : (row - BLOCKS) % (BLOCKS / 2)) * edge;
-        Span span = asked_pixels(views.at[view], face, face != 0, true);
+        Span span = asked_pixels(views.at[view].asked[face], size, face != 0);
         vec2 low = vec2(first), high = vec2(first + edge - 1);
         asked = asked && all(greaterThanEqual(low, span.first)) && all(lessThanEqual(high, span.last));
     }

@@ -3,9 +3,10 @@
 // The most blocks that are looked at; what spreads over more is taken as seen.
 const uint MOST_BLOCKS = 64;
 
-// Whether a box (centre and half size in a face's axes) lies behind the farthest thing in every block that it touches, even
-// if it were nearer by the factor `slack`. `whole`: all of it must lie inside the face.
-bool covered(Floats blocks, uint view, uint face, vec3 center, vec3 half_size, float slack, bool whole) {
+// Whether a box (centre and half size in a face's axes) lies behind the farthest thing in every block that it touches, of
+// those that are asked for (View.asked, whole blocks), even if it were nearer by the factor `slack`. `whole`: all of it must lie
+// inside the face.
+bool covered(Floats blocks, uint view, uint face, uint asked, vec3 center, vec3 half_size, float slack, bool whole) {
     float near = center.z - half_size.z, far = center.z + half_size.z;
     if (near <= 1e-4 * far) return false;
     vec2 low = center.xy - half_size.xy, high = center.xy + half_size.xy;
@@ -19,6 +20,11 @@ bool covered(Floats blocks, uint view, uint face, vec3 center, vec3 half_size, f
     if (whole && (any(lessThan(low, -origin)) || any(greaterThan(high, vec2(1.0))))) return false;
     uvec2 from = min(uvec2(max((low + origin) * scale - margin, vec2(0.0))), last);
     uvec2 to = min(uvec2(max((high + origin) * scale + margin, vec2(0.0))), last);
+    const uint across = 256 / BLOCKS;
+    uint down = face == 0 ? across : 2 * across;
+    from = max(from, uvec2((asked & 255) / across, (asked >> 8 & 255) / down));
+    to = min(to, uvec2((asked >> 16 & 255) / across, (asked >> 24) / down));
+    if (any(greaterThan(from, to))) return true;
     uvec2 span = to - from + 1;
     uint left = span.x * span.y;
     if (left > MOST_BLOCKS) return false;

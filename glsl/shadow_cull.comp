@@ -18,8 +18,6 @@ layout(constant_id = 2) const uint EACH = 1;
 // Views have limits.
 layout(constant_id = 3) const bool LIMITED = false;
 
-const uint FACES = 5;
-
 layout(push_constant, scalar) uniform Push {
     Chunks chunks;
     Instances instances;
@@ -34,19 +32,6 @@ layout(push_constant, scalar) uniform Push {
 bool is_first(View view, vec3 offset, vec3 extent, uint count) {
     float reach = 0.5 * float(view.size) * length(extent);
     return reach * reach >= PIXELS * float(count) * dot(offset, offset);
-}
-
-// Whether a box around `offset` from the view's origin touches what the view is limited to.
-bool matters(View view, vec3 offset, vec3 extent) {
-    vec4 limit = view.limit;
-    if (view.kind == VIEW_ORTHOGRAPHIC)
-        return abs(dot(view.x, offset) - limit.x) <= dot(abs(view.x), extent) + limit.z
-            && abs(dot(view.y, offset) - limit.y) <= dot(abs(view.y), extent) + limit.w;
-    float distance = length(offset);
-    float radius = length(extent);
-    if (limit.w > PI || distance <= radius) return true;
-    float angle = acos(clamp(dot(limit.xyz, offset) / distance, -1.0, 1.0));
-    return angle <= limit.w + asin(radius / distance) + 1e-3;
 }
 
 // On which sides of the plane through the origin some of a box lies: in front, behind.
@@ -68,10 +53,10 @@ uint faces_of(View view, vec3 offset, vec3 extent) {
         | (above && zy.y && yx.y && xy.x ? 8 : 0) | (above && yz.y && yx.x && xy.y ? 16 : 0);
 }
 
-// Whether a box in a face's axes lies beyond a side of the rectangle of (s, t).
-bool beside(vec4 rectangle, vec3 center, vec3 half_size) {
-    vec4 way = vec4(rectangle.xy * center.z - center.xy, center.xy - rectangle.zw * center.z);
-    vec4 reach = half_size.xyxy + abs(rectangle) * half_size.z;
+// Whether a box in a face's axes lies beyond a side of a rectangle of (s, t).
+bool beside(vec4 r, vec3 center, vec3 half_size) {
+    vec4 way = vec4(r.xy * center.z - center.xy, center.xy - r.zw * center.z);
+    vec4 reach = half_size.xyxy + abs(r) * half_size.z;
     return any(greaterThan(way, reach));
 }
 
@@ -80,6 +65,13 @@ void main() {
     uint index = gl_GlobalInvocationID.y;
     View view = views.at[index];
     bool hemicube = view.kind == VIEW_HEMICUBE;
+    // Faces of which anything is asked.
+    uint open = 31;
+    if (LIMITED)
+        [[unroll]] for (uint face = 0; face < FACES; ++face) {
+            uint asked = views.at[index].asked[face];
+            open &= (asked & 255) > (asked >> 16 & 255) ? ~(1u << face) : ~0u;
+        }
     // Bits for the faces of all chunks.
     uint seen = 0;
     uint k = 0;
@@ -93,14 +85,13 @@ void main() {
             vec3 extent = chunks.at[chunk].extent;
             if (WHICH == FIRST) asked = asked && hemicube && is_first(view, offset, extent, chunks.at[chunk].count);
             if (WHICH == REST) asked = asked && !(hemicube && is_first(view, offset, extent, chunks.at[chunk].count));
-            if (LIMITED) asked = asked && matters(view, offset, extent);
-            seen |= asked ? faces_of(view, offset, extent) << FACES * k : 0;
+            seen |= asked ? (faces_of(view, offset, extent) & open) << FACES * k : 0;
         }
         if (++k == EACH) break;
     }
     // What takes longer to find out, for those that are left.
     if (LIMITED || WHICH == REST) {
-        for (uint left = hemicube ? seen : 0; left != 0; left &= left - 1) {
+        for (uint left = hemicube || LIMITED ? seen : 0; left != 0; left &= left - 1) {
             uint bit = uint(findLSB(left));
             uint chunk = first + bit / FACES * gl_WorkGroupSize.x, face = bit % FACES;
             vec3 offset = chunks.at[chunk].center - view.origin;
@@ -108,8 +99,11 @@ void main() {
             Face f = face_axes(face, view.x, view.y, view.z);
             vec3 center = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
             vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent));
-            bool out_of_it = LIMITED && beside(scissor(view, face), center, half_size);
-            if (WHICH == REST) out_of_it = out_of_it || covered(blocks, index, face, center, half_size, 1.0001, false);
+            // Rays of an orthographic map are parallel.
+            float at = hemicube ? center.z : 1.0, deep = hemicube ? half_size.z : 0.0;
+            uint asked = LIMITED ? views.at[index].asked[face] : EVERYTHING;
+            bool out_of_it = LIMITED && beside(rectangle(asked, hemicube && face != 0), vec3(center.xy, at), vec3(half_size.xy, deep));
+            if (WHICH == REST) out_of_it = out_of_it || hemicube && covered(blocks, index, face, asked, center, half_size, 1.0001, false);
             seen &= out_of_it ? ~(1u << bit) : ~0u;
         }
     }

@@ -35,7 +35,8 @@ void main() {
     uint base = view.offset + face_offset(face, view.size);
 
     // Parts are counted from the first row that is asked for.
-    Span asked = asked_pixels(view, face, side, LIMITED);
+    uint rectangle = LIMITED ? views.at[entry.y >> 3 & 63].asked[face] : EVERYTHING;
+    Span asked = asked_pixels(rectangle, view.size, side);
     Span span = pixels_between(vec4(s.low, s.high), view.size, side);
     float first = s.bounded ? max(span.first.y, asked.first.y) : asked.first.y;
     float last = s.bounded ? min(span.last.y, asked.last.y) : asked.last.y;

@@ -93,7 +93,8 @@ void main() {
     View view = views.at[entry.y >> 3];
     Face axes = face_axes(face, view.x, view.y, view.z);
     uint count = chunks.at[entry.x].count;
-    Span asked = asked_pixels(view, face, view.kind == VIEW_HEMICUBE && face != 0, LIMITED);
+    uint rectangle = LIMITED ? views.at[entry.y >> 3].asked[face] : EVERYTHING;
+    Span asked = asked_pixels(rectangle, view.size, view.kind == VIEW_HEMICUBE && face != 0);
     uint i = gl_LocalInvocationIndex;
     for (;;) {
         if (i < count) draw(entry.x * CHUNK + i, entry.y, view, face, axes, asked);

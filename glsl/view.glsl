@@ -14,22 +14,14 @@ Face face_axes(uint face, vec3 x, vec3 y, vec3 z) {
     return Face(x, z, -y);
 }
 
-// What of a face a limited view asks for: the rectangle around its cone, or its own, in the face's (s, t); low, then high.
-vec4 scissor(View view, uint face) {
-    vec4 limit = view.limit;
-    if (view.kind == VIEW_ORTHOGRAPHIC) return vec4(limit.xy - limit.zw, limit.xy + limit.zw);
-    vec4 all = vec4(-1.0, -1.0, 1.0, 1.0);
-    if (limit.w > 1.5) return all;
-    Face f = face_axes(face, view.x, view.y, view.z);
-    vec3 axis = vec3(dot(f.u, limit.xyz), dot(f.v, limit.xyz), dot(f.w, limit.xyz));
-    float sine = sin(limit.w);
-    float depth = axis.z * axis.z - sine * sine;
-    // The cone reaches behind the face's plane.
-    if (axis.z <= sine || depth < 1e-4) return all;
-    vec2 middle = axis.xy * axis.z / depth;
-    vec2 reach = sine * sqrt(axis.xy * axis.xy + depth) / depth;
-    vec2 slack = 1e-3 * (1.0 + abs(middle) + reach);
-    return vec4(middle - reach - slack, middle + reach + slack);
+// All of a face.
+const uint EVERYTHING = 0xffff0000u;
+
+// What is asked of a face (View.asked), in its (s, t); low, then high.
+vec4 rectangle(uint asked, bool side) {
+    vec4 cells = vec4(asked & 255, asked >> 8 & 255, (asked >> 16 & 255) + 1, (asked >> 24) + 1);
+    vec4 all = cells / 128.0 - 1.0;
+    return side ? vec4(all.x, cells.y / 256.0, all.z, cells.w / 256.0) : all;
 }
 
 // Pixels of a face, from the first to the last whose centres lie between two points in (s, t); those may be others than the
@@ -45,13 +37,12 @@ Span pixels_between(vec4 rectangle, uint size, bool side) {
     return Span(ceil(low), floor(high));
 }
 
-// Pixels of a face that a view asks for.
-Span asked_pixels(View view, uint face, bool side, bool limited) {
-    vec2 last = vec2(view.size, side ? view.size / 2 : view.size) - 1.0;
-    Span all = Span(vec2(0.0), last);
-    if (!limited) return all;
-    Span asked = pixels_between(scissor(view, face), view.size, side);
-    return Span(max(asked.first, all.first), min(asked.last, all.last));
+// Pixels of a face that are asked for (View.asked).
+Span asked_pixels(uint asked, uint size, bool side) {
+    uvec2 all = uvec2(size, side ? size / 2 : size);
+    uvec2 first = uvec2(asked & 255, asked >> 8 & 255) * all >> 8;
+    uvec2 end = (uvec2((asked >> 16 & 255) + 1, (asked >> 24) + 1) * all + 255) >> 8;
+    return Span(vec2(first), vec2(end) - 1.0);
 }
 
 // Rows of pixels of a face, and where it starts.

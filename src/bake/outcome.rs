@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::baker::Baker;
-use super::enclosed::enclosed;
+use super::enclosed::darken;
 use super::report::{AtlasReport, Counts, DeviceReport, FluxReport, Memory, Report, host_peak};
 use super::schedule::Held;
 use crate::cluster::{CellId, Shape};
@@ -45,12 +45,13 @@ impl Baker {
             shown.list.extend(&self.texels.list[range.clone()]);
             values.extend(&irradiance[range]);
         }
-        let enclosed = enclosed(&scene, &self.bvh, &shown.list, self.atlas.density);
-        for (value, enclosed) in values.iter_mut().zip(enclosed) {
-            if enclosed {
-                *value = [0.0; 3];
-            }
-        }
+        darken(
+            &scene,
+            &self.bvh,
+            &shown.list,
+            &mut values,
+            self.atlas.density,
+        );
         Ok(crate::lightmap::resolve::resolve(
             &scene,
             &self.atlas(),

@@ -6,8 +6,9 @@ use glam::Vec3;
 
 use super::occluders::Occluders;
 use super::records::View;
+use super::records::asked::ALL;
 use super::shadow::ShadowPass;
-use super::shared::{BATCH, VIEW_HEMICUBE};
+use super::shared::{BATCH, FACES, VIEW_HEMICUBE};
 use super::versions::Versions;
 use crate::gpu::{Gpu, Result, Stage};
 use crate::scene::{Bounds, Scene};
@@ -102,7 +103,7 @@ impl ShadowBench {
                     version: 0,
                     other: 0,
                     borrows: 0,
-                    limit: [0.0, 0.0, 1.0, f32::INFINITY],
+                    asked: [ALL; FACES as usize],
                 }
             })
             .collect();

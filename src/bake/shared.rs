@@ -8,6 +8,7 @@ pub const MACROS: &[(&str, u32)] = &[
     ("BATCH", BATCH),
     ("BLOCKS", BLOCKS),
     ("VIEW_BLOCKS", VIEW_BLOCKS),
+    ("FACES", FACES),
     ("LIST_ROW", LIST_ROW),
     ("MAX_VERTICES", MAX_VERTICES),
     ("VIEW_HEMICUBE", VIEW_HEMICUBE),
@@ -69,6 +70,8 @@ pub const BATCH: u32 = 32;
 pub const BLOCKS: u32 = 32;
 /// Blocks of a hemicube.
 pub const VIEW_BLOCKS: u32 = 3 * BLOCKS * BLOCKS;
+/// Faces of a hemicube.
+pub const FACES: u32 = 5;
 /// Lists are dispatched as rows of this many workgroups: the guaranteed limit is 65,535 a dimension.
 pub const LIST_ROW: u32 = 32768;
 /// Most vertices of a polygon light (VPL13 section 5.2).

@@ -132,6 +132,13 @@ impl Illumination {
         })
     }
 
+    /// Whether what is hidden is left out, in scenes of any size.
+    #[cfg(test)]
+    pub(super) fn set_occlusion(&mut self, on: bool) {
+        self.shadow.set_occlusion(on);
+        self.accumulate.set_occlusion(on);
+    }
+
     /// Takes all light away at once.
     pub(super) fn clear(&mut self) -> Result<()> {
         self.flush()?;

@@ -84,6 +84,14 @@ pub(super) fn within_budget(
         lit = self::lit(shapes, &laid);
         better = Some(laid);
     }
+    if lit > (1.0 + 3.0 * TOLERANCE) * budget {
+        // Where charts are smaller than a texel, no density is low enough.
+        tracing::warn!(
+            "{:.0} texels, not {budget:.0}: the surface is in so many charts, each of which takes whole texels; give objects \
+             a TEXCOORD_1 with larger charts, or ask for more --texels",
+            lit
+        );
+    }
     Ok((density, better.unwrap_or(first)))
 }
 

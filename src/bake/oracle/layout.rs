@@ -112,7 +112,7 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(records::View, version),
                 offset_of!(records::View, other),
                 offset_of!(records::View, borrows),
-                offset_of!(records::View, limit),
+                offset_of!(records::View, asked),
             ],
         ),
         (

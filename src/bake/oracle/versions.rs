@@ -136,6 +136,8 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         let empty = scene.meshes.len() as u32;
         scene.meshes.push(Arc::new(Mesh::default()));
         let mut map = start(&gpu, &scene, &texels);
+        // Of what is limited, too.
+        map.set_occlusion(true);
         let mut held: Vec<(VirtualLight, Version)> = (0..20)
             .map(|i| {
                 let mut light = random_light(&mut numbers, i % 5);
@@ -237,6 +239,7 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
 
         // Texels of objects that are gone hold nothing: nothing shines on them.
         let mut fresh = start(&gpu, &scene, &texels);
+        fresh.set_occlusion(false);
         let gone: Vec<u32> = (0..scene.objects.len() as u32)
             .filter(|&o| scene.mesh(o).triangles.is_empty())
             .collect();
