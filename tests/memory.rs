@@ -3,6 +3,7 @@
 #[path = "scene_edits/fixtures.rs"]
 mod fixtures;
 
+use std::path::Path;
 use std::sync::Mutex;
 
 use fixtures::{edit, steps, write_chair};
@@ -92,6 +93,40 @@ fn what_an_undone_edit_brought_is_given_back() {
             baker.undo().unwrap();
         });
     }
+}
+
+/// What is removed for good leaves its place to what comes; only the history of edits grows.
+#[test]
+fn what_is_removed_leaves_its_place_to_others() {
+    let alone = COUNTING.lock().unwrap_or_else(|e| e.into_inner());
+    let mut baker = baker();
+    let mut bytes = Vec::new();
+    for round in 0..8 {
+        let name = format!("box {}", round + 2);
+        for line in [
+            format!(r#"{{"do": "copy", "node": "small.box", "name": "{name}"}}"#),
+            format!(r#"{{"do": "remove", "node": "{name}"}}"#),
+        ] {
+            let Command::Edit(edit) = Command::parse(&line).unwrap() else {
+                panic!("{line} is no edit");
+            };
+            baker.apply(&edit, Path::new(".")).unwrap();
+            baker.step(Limit::Converged).unwrap();
+        }
+        let pages = baker.page_layout()[1];
+        bytes.push([
+            HOST.current_usage(),
+            baker.gpu().live_bytes() as usize,
+            pages as usize,
+        ]);
+    }
+    drop(alone);
+    println!("{bytes:?}");
+    let [early, last] = [bytes[SETTLED - 1], bytes[bytes.len() - 1]];
+    assert_eq!(early[1..], last[1..], "{bytes:?}");
+    let rounds = bytes.len() - SETTLED;
+    assert!(last[0] <= early[0] + 10_000 * rounds, "{bytes:?}");
+    baker.verify().unwrap();
 }
 
 proptest! {

@@ -10,7 +10,7 @@ use super::super::place::{Handle, Place};
 use super::super::shown::Shown;
 use super::super::state::Viewer;
 use super::super::worker::Request;
-use crate::scene::Aperture;
+use crate::scene::{Aperture, Light};
 use lamp::{aperture, punctual};
 use surface::surface;
 
@@ -58,13 +58,6 @@ pub(super) fn inspector(
         punctual(viewer, ui, node, light);
     }
     if let Some(object) = object {
-        if scene
-            .lights
-            .iter()
-            .any(|l| matches!(l.aperture, Aperture::Surface { object: o } if o as usize == object))
-        {
-            aperture(viewer, ui, shown, node, object as u32);
-        }
         let mesh = scene.mesh(object as u32);
         let mut materials: Vec<u32> = mesh.primitives.iter().map(|p| p.material).collect();
         materials.sort_unstable();
@@ -72,6 +65,10 @@ pub(super) fn inspector(
         for material in materials {
             ui.separator();
             surface(viewer, ui, shown, object as u32, material);
+        }
+        let own = |l: &Light| matches!(l.aperture, Aperture::Surface { object: o } if o as usize == object);
+        if scene.lights.iter().any(own) {
+            aperture(viewer, ui, shown, node, object as u32);
         }
     }
 }
