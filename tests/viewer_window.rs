@@ -208,12 +208,9 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
         Some(_) => "64k",
         None => "8k",
     };
-    let more = [
-        "--texels",
-        texels,
-        "--stats",
-        stats.to_str().expect("ASCII"),
-    ];
+    let trace = folder.path().join("trace.json");
+    let [to_stats, to_trace] = [&stats, &trace].map(|path| path.to_str().expect("ASCII"));
+    let more = ["--texels", texels, "--stats", to_stats, "--trace", to_trace];
     let viewer = Viewer::open(&display, folder.path(), &more);
     viewer.wait_converged(&display);
     let save = || {
@@ -309,6 +306,16 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
     let photon = &stats["input_to_photon"];
     assert!(photon["events"].as_u64() > Some(20), "{stats:#}");
     assert!(photon["most_frames"].as_u64() <= Some(2), "{stats:#}");
+    // The whole session is in its trace: what came in, what answered, and what was done meanwhile.
+    let trace = std::fs::read(trace).expect("a trace");
+    let trace: serde_json::Value = serde_json::from_slice(&trace).expect("JSON");
+    let events = trace["traceEvents"].as_array().expect("a list");
+    for name in [
+        "key", "button", "cursor", "frame", "panels", "present", "slice", "drag", "answer",
+    ] {
+        let named = |e: &&serde_json::Value| e["ph"] == "X" && e["name"] == name;
+        assert!(events.iter().any(|e| named(&e)), "no `{name}` in the trace");
+    }
 }
 
 /// A mesh whose charts take many seconds to find.
