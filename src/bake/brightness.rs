@@ -47,7 +47,8 @@ impl Brightness {
         bvh: &SceneBvh,
         cells: impl IntoIterator<Item = &'a Arc<Selected>>,
     ) {
-        self.look(scene);
+        let size = scene.bounds().size();
+        self.look(size.length());
         let eye = self.known_to.as_ref();
         let new: Vec<&Arc<Selected>> = cells
             .into_iter()
@@ -57,7 +58,7 @@ impl Brightness {
             .par_iter()
             .map(|cell| {
                 let lights = cell.lights.iter();
-                let norms = lights.map(|light| f64::from(norm(scene, bvh, eye, light)));
+                let norms = lights.map(|light| f64::from(norm(scene, bvh, size, eye, light)));
                 ((*cell).clone(), norms.collect())
             })
             .collect();
@@ -76,7 +77,8 @@ impl Brightness {
         held: impl IntoIterator<Item = &'a Held>,
         between: impl Fn(Version) -> Vec<Region>,
     ) {
-        self.look(scene);
+        let size = scene.bounds().size();
+        self.look(size.length());
         let eye = self.known_to.as_ref();
         self.towards.retain(|(_, _, to), _| *to == current);
         let mut regions = BTreeMap::new();
@@ -98,6 +100,7 @@ impl Brightness {
                 towards(
                     scene,
                     bvh,
+                    size.length(),
                     eye,
                     &held.selected.lights,
                     &regions[&held.version],
@@ -117,8 +120,7 @@ impl Brightness {
     }
 
     /// What is known is for who looks now.
-    fn look(&mut self, scene: &Scene) {
-        let size = scene.bounds().size().length();
+    fn look(&mut self, size: f32) {
         let same = match (&self.eye, &self.known_to) {
             (Some(now), Some(then)) => now.is_like(then, size),
             (now, then) => now == then,
@@ -147,12 +149,11 @@ fn key(cell: &Selected) -> usize {
     std::ptr::from_ref(cell) as usize
 }
 
-/// Monte Carlo: for a diffuse emitter E = cos cos' / (pi d²), and a ray drawn by its cosine stands for d² / cos' of surface.
-fn norm(scene: &Scene, bvh: &SceneBvh, eye: Option<&Eye>, light: &VirtualLight) -> f32 {
+/// `size`: of the scene. Monte Carlo: for a diffuse emitter E = cos cos' / (pi d²), and a ray drawn by its cosine stands for d² / cos' of surface.
+fn norm(scene: &Scene, bvh: &SceneBvh, size: Vec3, eye: Option<&Eye>, light: &VirtualLight) -> f32 {
     let area = match &light.shape {
         Shape::Directional { .. } => {
             // A box shows a quarter of its surface.
-            let size = scene.bounds().size();
             let area = 0.5 * (size.x * size.y + size.y * size.z + size.z * size.x);
             return area.sqrt();
         }
@@ -164,7 +165,7 @@ fn norm(scene: &Scene, bvh: &SceneBvh, eye: Option<&Eye>, light: &VirtualLight) 
         }
         Shape::Point | Shape::Spot { .. } => 0.0,
     };
-    let far = scene.bounds().size().length().max(1e-6);
+    let far = size.length().max(1e-6);
     let nearest = 1e-6 * far * far;
     let sum: f32 = (0..RAYS)
         .filter_map(|i| {

@@ -24,20 +24,22 @@ pub(super) struct Towards {
     pub seen: f64,
 }
 
-/// `regions`: boxes around what changed.
+/// `size`: the length of the scene's diagonal, metres; `regions`: boxes around what changed.
 pub(super) fn towards(
     scene: &Scene,
     bvh: &SceneBvh,
+    size: f32,
     eye: Option<&Eye>,
     lights: &[VirtualLight],
     regions: &[Region],
 ) -> Towards {
     let (mut met, mut square) = (0.0, 0.0);
+    let far = 2.0 * size;
     for light in lights {
         for region in regions {
             let part = intercepted(light, region);
             if part > 0.0 {
-                let sampled = sample(scene, bvh, eye, light, region);
+                let sampled = sample(scene, bvh, far, eye, light, region);
                 met += part * sampled.arrives;
                 square += part * part / shown(region) * sampled.shows;
             }
@@ -61,12 +63,12 @@ struct Sampled {
 fn sample(
     scene: &Scene,
     bvh: &SceneBvh,
+    far: f32,
     eye: Option<&Eye>,
     light: &VirtualLight,
     region: &Region,
 ) -> Sampled {
     let (center, extent) = (Vec3::from(region.center), Vec3::from(region.extent));
-    let far = 2.0 * scene.bounds().size().length();
     let slack = 1e-3 * extent.length();
     let weight = |point, normal| eye.map_or(1.0, |eye| eye.weight(scene, bvh, point, normal));
     let mut sum = Sampled::default();
@@ -76,7 +78,7 @@ fn sample(
         let target =
             center + extent * Vec3::new(part(0.819_172_5), part(0.671_043_6), part(0.549_700_5));
         let origin = match light.shape {
-            Shape::Directional { .. } => target - light.normal * far,
+            Shape::Directional { .. } => target - light.normal * 0.5 * far,
             Shape::Point | Shape::Spot { .. } => light.position,
             _ => offset(light.position, light.normal),
         };
@@ -90,7 +92,7 @@ fn sample(
         );
         let (enters, leaves) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
         let cast = |from: f32| {
-            let hit = bvh.closest(scene, origin + direction * from, direction, 2.0 * far)?;
+            let hit = bvh.closest(scene, origin + direction * from, direction, far)?;
             Some((from + hit.t, hit.normal))
         };
         let first = cast(0.0);
@@ -149,7 +151,14 @@ mod tests {
             extent: [0.05 * size.x; 3],
         };
         let all = |eye: Option<&Eye>, region| {
-            towards(&scene, &bvh, eye, std::slice::from_ref(&light), &[region])
+            towards(
+                &scene,
+                &bvh,
+                size.length(),
+                eye,
+                std::slice::from_ref(&light),
+                &[region],
+            )
         };
         let met = all(None, near);
         assert!(met.met > 0.0 && met.seen > 0.0, "{met:?}");

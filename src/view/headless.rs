@@ -268,6 +268,7 @@ impl<'a> Headless<'a> {
             None => Limit::Time(self.options.frame),
         };
         if !self.baker.is_converged() {
+            self.baker.look_from(Some(&self.shot.pose.camera()));
             self.updates += self.baker.step(limit)?.updates;
             self.stale = true;
         }

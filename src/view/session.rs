@@ -223,6 +223,8 @@ impl<'a> Session<'a> {
         let live = debug_span!("wait for a frame").in_scope(|| self.wait_for_frame());
         let _span = debug_span!("slice", live).entered();
         self.baker.set_batch(live.then_some(self.batch));
+        let camera = self.shared.state().camera.clone();
+        self.baker.look_from(camera.as_ref());
         let start = Instant::now();
         let limit = if self.single > 0 {
             Limit::Updates(1)

@@ -18,7 +18,7 @@ use super::{Note, Source, session};
 use crate::bake::{Job, Listener, Progress, Stage};
 use crate::gpu::Gpu;
 use crate::scene::edit::{Command, Edit};
-use crate::scene::{Document, Scene};
+use crate::scene::{Camera, Document, Scene};
 use crate::transport::SceneBvh;
 
 /// What the window asks of the bake.
@@ -90,6 +90,8 @@ pub(super) struct State {
     pub(super) overlays: Overlays,
     /// Frames drawn.
     pub(super) frames: u64,
+    /// Where the last one was taken from.
+    pub(super) camera: Option<Camera>,
     pub(super) live: bool,
     pub(super) closing: bool,
     /// Stages of the preparation that are under way.
@@ -217,9 +219,12 @@ impl Worker {
         }
     }
 
-    /// A frame was drawn: a live bake does its next slice.
-    pub fn frame_drawn(&self) {
-        self.shared.state().frames += 1;
+    /// A frame was drawn, from here: a live bake does its next slice, what is seen first.
+    pub fn frame_drawn(&self, camera: Camera) {
+        let mut state = self.shared.state();
+        state.frames += 1;
+        state.camera = Some(camera);
+        drop(state);
         self.shared.drawn.notify_all();
     }
 }

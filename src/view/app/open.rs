@@ -232,7 +232,7 @@ impl Open {
         self.drawn |= drawn.shown;
         self.dirty |= !drawn.shown;
         if drawn.shown {
-            self.worker.frame_drawn();
+            self.worker.frame_drawn(self.viewer.pose.camera());
             self.follow_times(begun, went_on);
         }
         self.title(options);
