@@ -8,7 +8,8 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator};
 
 use super::error::{GpuError, Result};
-use super::queue::{Garbage, MAX_UPLOAD};
+use super::garbage::Garbage;
+use super::queue::MAX_UPLOAD;
 use super::{Gpu, Shared, Stage};
 
 /// A device address as shaders see it, in push constants and structs: low word, high word, so that a structure that ends

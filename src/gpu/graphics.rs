@@ -3,8 +3,8 @@
 use ash::vk;
 
 use super::error::{GpuError, Result};
+use super::garbage::Garbage;
 use super::image::Format;
-use super::queue::Garbage;
 use super::{Gpu, Shader};
 
 /// Push constants that every device offers, bytes.

@@ -8,7 +8,7 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator};
 
 use super::error::{GpuError, Result};
-use super::queue::Garbage;
+use super::garbage::Garbage;
 use super::{Gpu, Stage};
 
 /// What a pixel holds.

@@ -12,6 +12,7 @@ mod commands;
 mod draw;
 mod error;
 mod features;
+mod garbage;
 mod graphics;
 mod image;
 mod image_copies;

@@ -4,7 +4,7 @@ use ash::vk;
 
 use super::Gpu;
 use super::error::{GpuError, Result};
-use super::queue::Garbage;
+use super::garbage::Garbage;
 
 /// Push constants that every device offers, bytes.
 const MAX_PUSH: u32 = 128;

@@ -1,42 +1,21 @@
 //! The one queue: submissions in order, what waits for them (garbage, ring space, timestamps), and the host's waits.
 
-use std::any::Any;
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
 
-use ash::{khr, vk};
-use gpu_allocator::vulkan::{Allocation, Allocator};
+use ash::vk;
+use gpu_allocator::vulkan::Allocator;
 
 use super::Shared;
 use super::buffer::{Memory, RawBuffer};
 use super::clock::Clock;
 use super::error::{GpuError, Result};
+use super::garbage::Garbage;
 use super::recording::{ALL_TIMESTAMPS, Recording};
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
 /// The most that one upload copies: a quarter of the ring.
 pub(super) const MAX_UPLOAD: usize = RING_BYTES as usize / 4;
-/// Something to free once the device is done with it.
-pub(super) enum Garbage {
-    Buffer(RawBuffer),
-    Pipeline(vk::Pipeline, vk::PipelineLayout),
-    Image {
-        handle: vk::Image,
-        view: vk::ImageView,
-        allocation: Option<Allocation>,
-    },
-    Sampler(vk::Sampler),
-    Set(vk::DescriptorPool, vk::DescriptorSetLayout),
-    Semaphore(vk::Semaphore),
-    Swapchain(khr::swapchain::Device, vk::SwapchainKHR),
-    /// With the window that it belongs to.
-    Surface(
-        khr::surface::Instance,
-        vk::SurfaceKHR,
-        Arc<dyn Any + Send + Sync>,
-    ),
-}
 
 /// The queue and everything that waits for it.
 pub(super) struct Queue {
@@ -404,37 +383,4 @@ pub(super) fn wait(
         .values(&values);
     // SAFETY: the semaphore lives as long as the queue, which `shared` owns.
     unsafe { shared.device.wait_semaphores(&info, u64::MAX) }
-}
-
-impl Garbage {
-    /// # Safety
-    /// The device is done with it.
-    unsafe fn destroy(self, device: &ash::Device, allocator: &mut Allocator) {
-        // SAFETY: the caller's promise.
-        unsafe {
-            match self {
-                Garbage::Buffer(buffer) => buffer.destroy(device, allocator),
-                Garbage::Pipeline(pipeline, layout) => {
-                    device.destroy_pipeline(pipeline, None);
-                    device.destroy_pipeline_layout(layout, None);
-                }
-                Garbage::Image {
-                    handle,
-                    view,
-                    allocation,
-                } => super::image::destroy(handle, view, allocation, device, allocator),
-                Garbage::Sampler(sampler) => device.destroy_sampler(sampler, None),
-                Garbage::Semaphore(semaphore) => device.destroy_semaphore(semaphore, None),
-                Garbage::Swapchain(loader, swapchain) => loader.destroy_swapchain(swapchain, None),
-                Garbage::Surface(loader, surface, window) => {
-                    loader.destroy_surface(surface, None);
-                    drop(window);
-                }
-                Garbage::Set(pool, layout) => {
-                    device.destroy_descriptor_pool(pool, None);
-                    device.destroy_descriptor_set_layout(layout, None);
-                }
-            }
-        }
-    }
 }

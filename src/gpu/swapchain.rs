@@ -7,8 +7,8 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use super::commands::{Commands, Stage};
 use super::error::{GpuError, Result};
+use super::garbage::Garbage;
 use super::image::{Format, Image};
-use super::queue::Garbage;
 use super::{Gpu, Ticket};
 
 /// Frames that the device may be behind.

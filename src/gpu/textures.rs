@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::error::{GpuError, Result};
-use super::queue::Garbage;
+use super::garbage::Garbage;
 use super::{Gpu, Image};
 
 /// How an image is read between and beyond its texels.
