@@ -81,7 +81,7 @@ fn list(ui: &mut egui::Ui, shown: &Shown, actions: &mut Vec<Action>) {
         }
     };
     let lights = scene.lights.iter().take(LISTED);
-    ui.collapsing(format!("{} lights", scene.lights.len()), |ui| {
+    ui.collapsing(counted(scene.lights.len(), "light"), |ui| {
         for light in lights {
             entry(ui, &light.name, light.node);
         }
@@ -90,7 +90,7 @@ fn list(ui: &mut egui::Ui, shown: &Shown, actions: &mut Vec<Action>) {
         .zip(&scene.objects)
         .filter(|(o, _)| !scene.is_gone(*o))
         .collect();
-    ui.collapsing(format!("{} objects", there.len()), |ui| {
+    ui.collapsing(counted(there.len(), "object"), |ui| {
         for (_, object) in there.iter().take(LISTED) {
             entry(ui, &object.name, object.node);
         }
@@ -98,6 +98,11 @@ fn list(ui: &mut egui::Ui, shown: &Shown, actions: &mut Vec<Action>) {
             ui.weak(format!("and {} more: click them", there.len() - LISTED));
         }
     });
+}
+
+/// "1 light", "2 lights".
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// A field for a number; what is typed counts when it is finished.
