@@ -5,11 +5,12 @@ use std::sync::{Mutex, OnceLock};
 
 use rebake::gpu::{Address, Gpu, GpuError, GpuOptions, Memory, Shader, Stage, devices};
 
-/// `glsl/list_args.comp`: turns the fourth word of each record into workgroup counts in the first three.
+/// `glsl/list_args.comp`: turns the fourth word of each record into workgroup counts in the first three, and adds it and the
+/// fifth to the totals of records that `counted` names.
 const LIST_ARGS: Shader = Shader {
     name: "list_args",
     spirv: include_bytes!(concat!(env!("OUT_DIR"), "/list_args.comp.spv")),
-    push_bytes: 12,
+    push_bytes: 24,
     local_size: [8, 1, 1],
 };
 
@@ -17,7 +18,9 @@ const LIST_ARGS: Shader = Shader {
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct ListArgs {
     heads: Address,
+    totals: Address,
     count: u32,
+    counted: u32,
 }
 
 /// Everything that was logged in this process.
@@ -134,20 +137,25 @@ fn dispatches_compute_and_scopes_are_timed() {
     let gpu = open();
     let pipeline = gpu.pipeline(LIST_ARGS, &[]).unwrap();
     let lengths = [1u32, 32_768, 32_769, 70_000, 0, 5, 6, 7, 8, 9];
-    let heads: Vec<[u32; 4]> = lengths.iter().map(|&n| [99, 99, 99, n]).collect();
+    let heads: Vec<[u32; 5]> = lengths.iter().map(|&n| [99, 99, 99, n, 2 * n]).collect();
     let buffer = gpu.buffer_with("heads", &heads).unwrap();
+    let totals = gpu.buffer_with("totals", &[[100i64; 2]; 10]).unwrap();
     let mut cmd = gpu.commands().unwrap();
     // All but the last by a direct dispatch; two workgroups.
     let push = ListArgs {
         heads: buffer.address(),
+        totals: totals.address(),
         count: 9,
+        counted: 0b1010,
     };
     cmd.scope("direct", |cmd| cmd.dispatch(&pipeline, &push, [9, 1, 1]));
     cmd.barrier(Stage::Compute, Stage::Indirect);
     // The last by as many workgroups as the first head now says: one.
     let push = ListArgs {
-        heads: buffer.address_at(9 * 16),
+        heads: buffer.address_at(9 * 20),
+        totals: totals.address_at(9 * 16),
         count: 1,
+        counted: 0,
     };
     cmd.scope("indirect", |cmd| {
         cmd.scope("inner", |cmd| {
@@ -158,11 +166,15 @@ fn dispatches_compute_and_scopes_are_timed() {
     ticket.wait().unwrap();
     assert!(ticket.is_done().unwrap());
 
-    let found = buffer.read::<[u32; 4]>(0..10).unwrap();
+    let found = buffer.read::<[u32; 5]>(0..10).unwrap();
     let row = 32_768;
     for (head, &n) in found.iter().zip(&lengths) {
-        assert_eq!(*head, [n.min(row), n.div_ceil(row), 1, n]);
+        assert_eq!(*head, [n.min(row), n.div_ceil(row), 1, n, 2 * n]);
     }
+    let mut expected = [[100; 2]; 10];
+    expected[1] = [100 + 32_768, 100 + 65_536];
+    expected[3] = [100 + 70_000, 100 + 140_000];
+    assert_eq!(totals.read::<[i64; 2]>(0..10).unwrap(), expected);
     let timings = gpu.timings();
     let names: Vec<_> = timings.iter().map(|t| t.name).collect();
     assert_eq!(names, ["direct", "indirect", "inner"]);
@@ -183,10 +195,14 @@ fn teardown_is_silent_in_any_order() {
     let mut cmd = gpu.commands().unwrap();
     {
         let pipeline = gpu.pipeline(LIST_ARGS, &[]).unwrap();
-        let heads = gpu.buffer_with("heads", &[[0u32, 0, 0, 40_000]]).unwrap();
+        let heads = gpu
+            .buffer_with("heads", &[[0u32, 0, 0, 40_000, 0]])
+            .unwrap();
         let push = ListArgs {
             heads: heads.address(),
+            totals: heads.address(),
             count: 1,
+            counted: 0,
         };
         cmd.dispatch(&pipeline, &push, [1, 1, 1]);
         cmd.barrier(Stage::Compute, Stage::Transfer);
