@@ -74,6 +74,11 @@ impl GpuError {
             result,
         }
     }
+
+    /// Whether what was drawn to is gone: its window was destroyed.
+    pub fn is_surface_lost(&self) -> bool {
+        matches!(self, Self::Call { result, .. } if *result == vk::Result::ERROR_SURFACE_LOST_KHR)
+    }
 }
 
 /// Shorthand.

@@ -33,6 +33,8 @@ pub(super) struct Frames {
     swapchain: Swapchain,
     /// Changes of panel textures that no frame has taken in yet.
     textures: egui::TexturesDelta,
+    /// The window's, pixels.
+    size: [u32; 2],
     start: Instant,
     last: Instant,
     passes_at: Instant,
@@ -85,6 +87,7 @@ impl Frames {
             egui,
             events,
             textures: egui::TexturesDelta::default(),
+            size,
             start: now,
             last: now,
             passes_at: now,
@@ -99,6 +102,7 @@ impl Frames {
     }
 
     pub(super) fn resize(&mut self, size: [u32; 2]) {
+        self.size = size;
         self.swapchain.resize(size);
     }
 
@@ -154,7 +158,7 @@ impl Frames {
         status: &Status,
     ) -> Result<Drawn, ViewError> {
         let _span = debug_span!("frame", number = self.swapchain.sent() + 1).entered();
-        let input = self.events.take_egui_input(window);
+        let input = self.take_input(window);
         self.pace.taken_in(self.swapchain.sent() + 1);
         self.measured(viewer)?;
         let outcome =
@@ -287,6 +291,21 @@ impl Frames {
             self.passes_before = timings;
         }
         Ok(())
+    }
+
+    /// What `State::take_egui_input` does, with the size that events told: asking a window that was destroyed since would panic.
+    fn take_input(&mut self, window: &Window) -> egui::RawInput {
+        let scale = window.scale_factor() as f32;
+        let size = egui::Vec2::from(self.size.map(|n| n as f32));
+        let points = size / (scale * self.egui.zoom_factor());
+        let input = self.events.egui_input_mut();
+        input.time = Some(self.start.elapsed().as_secs_f64());
+        input.screen_rect =
+            (points.min_elem() > 0.0).then(|| egui::Rect::from_min_size(egui::Pos2::ZERO, points));
+        input.viewport_id = ViewportId::ROOT;
+        let viewport = input.viewports.entry(ViewportId::ROOT).or_default();
+        viewport.native_pixels_per_point = Some(scale);
+        input.take()
     }
 
     fn screenshot(&mut self, viewer: &Viewer, size: [u32; 2], mut pixels: Vec<u8>) -> Note {

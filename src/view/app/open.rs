@@ -218,7 +218,12 @@ impl Open {
             &self.shown,
             self.bvh.as_ref(),
             &self.status,
-        )?;
+        );
+        let drawn = match drawn {
+            // The window was destroyed while it was drawn: nobody is left to see anything.
+            Err(ViewError::Gpu(error)) if error.is_surface_lost() => return Ok(false),
+            drawn => drawn?,
+        };
         for request in drawn.requests {
             self.worker.send(request);
         }
