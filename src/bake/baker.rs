@@ -9,10 +9,11 @@ use super::accumulate::Evaluation;
 use super::brightness::Brightness;
 use super::clearance::Clearances;
 use super::journal::Journal;
+use super::plan::Plan;
 use super::progress::{Stage, Stages};
 use super::records::ShadowSizes;
 use super::run::{BakeError, Job};
-use super::schedule::{Held, Plan, Priority};
+use super::schedule::{Held, Priority};
 use super::settings::{Clusters as Cells, Settings};
 use super::update::Illumination;
 use super::uv_raster;
@@ -269,6 +270,11 @@ impl Baker {
     /// A lost device.
     pub fn finish(&mut self) -> Result<(), GpuError> {
         self.illumination.flush()
+    }
+
+    /// Virtual lights sent to the device so far, subtractions included; differences count once.
+    pub fn lights_sent(&self) -> u64 {
+        self.illumination.lights_sent()
     }
 
     pub(super) fn target(&self) -> Budget {

@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use super::baker::Baker;
 use super::journal::Entry;
+use super::plan::Plan;
 use super::replay::Step;
 use super::residual::Residual;
 use super::run::{BakeError, compare_sums};
-use super::schedule::{Held, Plan, What};
+use super::schedule::{Held, What};
 use super::update::{Illumination, Sign};
 use super::viewport;
 use crate::gpu::{Gpu, GpuError};

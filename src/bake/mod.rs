@@ -18,6 +18,7 @@ mod on_device;
 mod outcome;
 pub mod output;
 mod place;
+mod plan;
 mod pool;
 mod progress;
 mod records;

@@ -117,6 +117,20 @@ pub struct ShadowCounts {
     pub large: u64,
 }
 
+impl ShadowCounts {
+    /// What came to these since `earlier` ones.
+    pub(super) fn since(&self, earlier: &Self) -> Self {
+        Self {
+            maps: self.maps - earlier.maps,
+            faces: self.faces - earlier.faces,
+            offered: self.offered - earlier.offered,
+            chunks: self.chunks - earlier.chunks,
+            triangles: self.triangles - earlier.triangles,
+            large: self.large - earlier.large,
+        }
+    }
+}
+
 /// Flux in bake.json, lumens (mean over RGB).
 #[derive(Clone, Debug, Serialize)]
 pub struct FluxReport {

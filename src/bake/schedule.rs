@@ -67,6 +67,11 @@ pub(super) struct Update {
 }
 
 impl Update {
+    /// What is seen of it for its work: what the order goes by.
+    pub(super) fn worth(&self) -> f64 {
+        self.visible * self.visible / self.cost
+    }
+
     /// Cells that it takes out of the map.
     pub(super) fn leaving(&self) -> &[CellId] {
         match &self.what {
@@ -108,103 +113,6 @@ const UNSURE: f64 = 0.1;
 /// Of a virtual light that only changed its shape, how much of its flux counts as wrong: its place in the cell is new,
 /// most of what it lights is not.
 const RESHAPED: f64 = 0.1;
-
-/// Everything that has to be done, in the order in which to do it, balancing apart from validation.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Plan {
-    validation: Vec<Update>,
-    balancing: Vec<Update>,
-    /// Work that validation may do before it is balancing's turn (eq. 2).
-    owed: f64,
-}
-
-impl Plan {
-    /// Puts updates in order; ties fall to the order given.
-    pub(super) fn new(updates: Vec<Update>, owed: f64) -> Self {
-        let (mut validation, mut balancing): (Vec<_>, Vec<_>) = updates
-            .into_iter()
-            .partition(|u| u.kind == Kind::Validation);
-        for list in [&mut validation, &mut balancing] {
-            // The next one is at the end.
-            list.reverse();
-            let worth = |u: &Update| u.visible * u.visible / u.cost;
-            list.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
-        }
-        Self {
-            validation,
-            balancing,
-            owed,
-        }
-    }
-
-    /// The next update by the ratio rule (eq. 2): from validation alone, where much is invalid, to turns. `t`: the share of
-    /// invalid flux at which both take turns.
-    pub(super) fn next(&mut self, t: f64) -> Option<Update> {
-        let (Some(next), false) = (self.validation.last(), self.balancing.is_empty()) else {
-            return self.validation.pop().or_else(|| self.balancing.pop());
-        };
-        // Shares of the work, not of the number of updates: those of balancing are the larger ones by far.
-        let ratio = ratio(next.invalid, t);
-        if self.owed >= 0.0 {
-            self.owed -= (1.0 - ratio) * next.cost;
-            self.validation.pop()
-        } else {
-            let update = self.balancing.pop()?;
-            self.owed += ratio * update.cost;
-            Some(update)
-        }
-    }
-
-    /// The next update of direct light, which needs no path to be known.
-    pub(super) fn next_direct(&mut self) -> Option<Update> {
-        let direct = |u: &Update| match &u.what {
-            What::Advance(cell) => matches!(cell, CellId::Aperture { .. }),
-            What::Exchange { subtract, add } => all_direct(subtract, add),
-        };
-        let at = self.validation.iter().rposition(direct)?;
-        Some(self.validation.remove(at))
-    }
-
-    pub(super) fn owed(&self) -> f64 {
-        self.owed
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.validation.len() + self.balancing.len()
-    }
-
-    /// Lights to send to the device.
-    pub(super) fn lights(&self) -> u64 {
-        let updates = self.validation.iter().chain(&self.balancing);
-        updates.map(|u| u.lights).sum()
-    }
-
-    /// Lumens that are wrong, estimated.
-    pub(super) fn invalid_flux(&self) -> f64 {
-        self.validation.iter().map(|u| u.gain).sum()
-    }
-
-    /// The same by cell; cells that are exchanged together share it.
-    pub(super) fn invalid_cells(&self) -> impl Iterator<Item = (CellId, f64)> {
-        self.validation.iter().flat_map(|update| {
-            let cells = match &update.what {
-                What::Advance(cell) => vec![*cell],
-                What::Exchange { subtract, add } if add.is_empty() => subtract.clone(),
-                What::Exchange { add, .. } => add.clone(),
-            };
-            let share = update.gain / cells.len().max(1) as f64;
-            cells.into_iter().map(move |cell| (cell, share))
-        })
-    }
-}
-
-/// The share of updates that validation gets (eq. 2).
-fn ratio(invalid: f64, t: f64) -> f64 {
-    invalid
-        .clamp(0.0, 1.0)
-        .powf(0.5f64.ln() / t.clamp(1e-6, 0.999).ln())
-        .max(0.5)
-}
 
 /// Groups of cells to exchange, from held to wanted: cells that overlap go together, and so do neighbours that swapped VPLs
 /// over their border otherwise than before. Cells that are held as they are wanted are in no group.

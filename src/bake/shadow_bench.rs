@@ -7,6 +7,7 @@ use glam::Vec3;
 use super::occluders::Occluders;
 use super::records::View;
 use super::records::asked::ALL;
+use super::report::ShadowCounts;
 use super::shadow::ShadowPass;
 use super::shared::{BATCH, FACES, VIEW_HEMICUBE};
 use super::versions::Versions;
@@ -31,6 +32,8 @@ pub struct ShadowCost {
     pub cpu: f64,
     /// Device time by pass.
     pub passes: Vec<(&'static str, f64)>,
+    /// What was drawn.
+    pub counts: ShadowCounts,
     /// Of the last batch's pixels: equal maps have equal sums.
     pub checksum: u64,
 }
@@ -107,7 +110,7 @@ impl ShadowBench {
                 }
             })
             .collect();
-        let mut draw = |views: &[View]| -> Result<()> {
+        let draw = |pass: &mut ShadowPass, views: &[View]| -> Result<()> {
             let mut cmd = self.gpu.commands()?;
             cmd.barrier(Stage::All, Stage::All);
             pass.record(
@@ -120,11 +123,12 @@ impl ShadowBench {
             )?;
             cmd.submit()?.wait()
         };
-        draw(&views[..views.len().min(batch)])?;
+        draw(&mut pass, &views[..views.len().min(batch)])?;
+        let drawn = pass.counts()?;
         let before = self.gpu.timings();
         let (start, cpu) = (Instant::now(), cpu_seconds());
         for part in views.chunks(batch) {
-            draw(part)?;
+            draw(&mut pass, part)?;
         }
         let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
         let earlier = |name| before.iter().find(|t| t.name == name).map_or(0.0, |t| t.ms);
@@ -145,6 +149,7 @@ impl ShadowBench {
             wall,
             cpu,
             passes,
+            counts: pass.counts()?.since(&drawn),
             checksum,
         })
     }

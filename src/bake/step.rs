@@ -7,7 +7,8 @@ use tracing::debug_span;
 
 use super::baker::Baker;
 use super::journal::Entry;
-use super::schedule::{self, Held, Plan, Priority, What};
+use super::plan::Plan;
+use super::schedule::{self, Held, Priority, What};
 use crate::cluster::{CellId, Forest as _, Ledger};
 use crate::gpu::GpuError;
 
@@ -61,7 +62,7 @@ impl Baker {
     }
 
     /// As [`Baker::step`]; `told` hears how many lights have been sent of how many.
-    pub(super) fn step_with(
+    pub(crate) fn step_with(
         &mut self,
         limit: Limit,
         told: &mut dyn FnMut(u64, u64),

@@ -62,6 +62,27 @@ impl Figure {
     }
 }
 
+impl std::fmt::Display for Figure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { name, unit, .. } = self;
+        write!(f, "{name} {} {unit}", number(self.median))
+    }
+}
+
+/// Three figures' worth of a number, as people write it.
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    match size {
+        s if s == 0.0 || !s.is_finite() => format!("{value}"),
+        s if s >= 1e6 && value.fract() != 0.0 => format!("{value:.3e}"),
+        s if s >= 100.0 => format!("{value:.0}"),
+        s if s >= 10.0 => format!("{value:.1}"),
+        s if s >= 1.0 => format!("{value:.2}"),
+        s if s >= 0.01 => format!("{value:.3}"),
+        _ => format!("{value:.2e}"),
+    }
+}
+
 /// A figure, or several, over something that is varied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Series {
@@ -136,6 +157,8 @@ mod tests {
         assert_eq!((f.min, f.median, f.max, f.runs), (1.0, 2.0, 3.0, 3));
         assert_eq!(of(&[4.0, 1.0, 2.0, 3.0]).median, 2.5);
         assert_eq!(Figure::count("n", 7.0).median, 7.0);
+        let numbers = [0.0, 1234.0, 12.34, 1.234, 0.1234, 0.00012].map(number);
+        assert_eq!(numbers, ["0", "1234", "12.3", "1.23", "0.123", "1.20e-4"]);
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::scene::{SceneError, builtin};
 use crate::view::ViewError;
 
 pub use compare::{Comparison, compare};
-pub use figure::{Better, Figure, Line, Point, Series};
+pub use figure::{Better, Figure, Line, Point, Series, number};
 pub use response::Scenario;
 
 /// What is measured.
@@ -141,7 +141,15 @@ pub enum BenchError {
     Temporary(#[from] std::io::Error),
 }
 
-/// Measures all that `plan` asks for on one scene: a built-in one by name, or a file. `told` hears what is measured next.
+/// Who hears of a measurement while it goes on: what is cut off has said all that it knew.
+pub trait Witness {
+    /// What is measured next, or has just come out.
+    fn told(&self, what: &str);
+    /// All that is known of the scene so far.
+    fn known(&self, figures: &SceneFigures);
+}
+
+/// Measures all that `plan` asks for on one scene: a built-in one by name, or a file.
 ///
 /// # Errors
 /// A scene that cannot be read or baked at all. Points of a sweep that do not fit the device's memory are listed in
@@ -150,7 +158,7 @@ pub fn measure(
     gpu: &Gpu,
     scene: &str,
     plan: &Plan,
-    told: &dyn Fn(&str),
+    witness: &dyn Witness,
 ) -> Result<SceneFigures, BenchError> {
     let (loaded, document) =
         tracing::info_span!("load", scene).in_scope(|| builtin::open(scene))?;
@@ -161,7 +169,7 @@ pub fn measure(
         name: scene,
         scene: loaded,
         document,
-        told,
+        witness,
         out: SceneFigures {
             scene: scene.to_owned(),
             figures: Vec::new(),
@@ -180,6 +188,7 @@ pub fn measure(
             Part::Response => bench.response()?,
             Part::Limits => bench.limits()?,
         }
+        witness.known(&bench.out);
     }
     Ok(bench.out)
 }
@@ -196,13 +205,33 @@ struct Bench<'a> {
     name: &'a str,
     scene: crate::scene::Scene,
     document: crate::scene::Document,
-    told: &'a dyn Fn(&str),
+    witness: &'a dyn Witness,
     out: SceneFigures,
 }
 
 impl Bench<'_> {
     fn tell(&self, what: &str) {
-        (self.told)(&format!("{}: {what}", self.name));
+        self.witness.told(&format!("{}: {what}", self.name));
+    }
+
+    /// A point of a sweep, the series' next.
+    fn point(&mut self, series: &str, over: &str, point: Point) {
+        let figures: Vec<String> = point.figures.iter().map(Figure::to_string).collect();
+        self.tell(&format!(
+            "{series} at {} {over}: {}",
+            number(point.at),
+            figures.join(", ")
+        ));
+        let all = &mut self.out.series;
+        match all.iter_mut().find(|s| s.name == series) {
+            Some(found) => found.points.push(point),
+            None => all.push(Series {
+                name: series.into(),
+                over: over.into(),
+                points: vec![point],
+            }),
+        }
+        self.witness.known(&self.out);
     }
 
     /// Every run that counts, after those that do not.

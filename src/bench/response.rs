@@ -1,12 +1,13 @@
 //! How the map follows edits: IBGI's figure 11, scenario by scenario.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use tempfile::TempDir;
 
 use super::figure::{Better, Figure, Point, Series};
 use super::{Bench, BenchError};
-use crate::bake::{Baked, Limit, Replay, ReplayOptions, Silent, bake};
+use crate::bake::{Baked, Baker, Limit, Replay, ReplayOptions, Silent, bake};
 use crate::scene::edit::Command;
 
 /// A script of edits with a name.
@@ -151,7 +152,7 @@ impl Bench<'_> {
 
 /// Plays the scenario on a converged map and takes it back afterwards.
 pub(super) fn play(
-    baker: &mut crate::bake::Baker,
+    baker: &mut Baker,
     scenario: &Scenario,
     folder: &Path,
 ) -> Result<Replay, BenchError> {
@@ -159,8 +160,56 @@ pub(super) fn play(
     let replay = baker.play(&scenario.script, folder, &options, &Silent, &mut |_, _| {
         Ok(())
     })?;
-    let mut applied = 0i64;
+    take_back(baker, &scenario.script)?;
+    Ok(replay)
+}
+
+/// How a map followed edits, seen from outside.
+pub(super) struct Followed {
+    pub updates: u64,
+    /// Lights evaluated, limited ones once.
+    pub lights: u64,
+    /// Until the first update was sent, seconds: paths of direct light, what is wanted, the plan.
+    pub first: f64,
+    /// Until convergence.
+    pub seconds: f64,
+}
+
+/// Plays the edits of a scenario on a converged map, waiting for none, and takes them back afterwards. Of the way to the end nothing is
+/// measured: that would take every update once more.
+pub(super) fn follow(
+    baker: &mut Baker,
+    scenario: &Scenario,
+    folder: &Path,
+) -> Result<Followed, BenchError> {
+    let start = Instant::now();
+    let before = baker.lights_sent();
     for (_, command) in &scenario.script {
+        match command {
+            Command::Edit(edit) => baker.apply(edit, folder)?,
+            Command::Undo => baker.undo()?,
+            Command::Redo => baker.redo()?,
+            Command::Wait(_) => {}
+        }
+    }
+    let mut first = None;
+    let progress = baker.step_with(Limit::Converged, &mut |_, _| {
+        first.get_or_insert_with(|| start.elapsed());
+    })?;
+    let seconds = start.elapsed().as_secs_f64();
+    let followed = Followed {
+        updates: progress.updates,
+        lights: baker.lights_sent() - before,
+        first: first.map_or(seconds, |t| t.as_secs_f64()),
+        seconds,
+    };
+    take_back(baker, &scenario.script)?;
+    Ok(followed)
+}
+
+fn take_back(baker: &mut Baker, script: &[(usize, Command)]) -> Result<(), BenchError> {
+    let mut applied = 0i64;
+    for (_, command) in script {
         applied += match command {
             Command::Edit(_) | Command::Redo => 1,
             Command::Undo => -1,
@@ -171,7 +220,7 @@ pub(super) fn play(
         baker.undo()?;
     }
     baker.step(Limit::Converged)?;
-    Ok(replay)
+    Ok(())
 }
 
 /// The share of the error that is left over time, thinned out.

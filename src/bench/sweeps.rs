@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use glam::Vec3;
 
-use super::figure::{Better, Figure, Point, Series};
+use super::figure::{Better, Figure, Point};
+use super::response::Followed;
 use super::table::since;
 use super::{Bench, BenchError, response};
 use crate::bake::{Baker, Clusters as Cells, Job, Limit, Options, Quality, ShadowBench, Silent};
@@ -27,6 +28,7 @@ const MAP_SIZE: u32 = 128;
 impl Bench<'_> {
     /// VPL13 fig. 12: from light sources to virtual lights, on the host.
     pub(super) fn creation(&mut self) -> Result<(), BenchError> {
+        let plan = self.plan;
         let bvh = SceneBvh::build(&self.scene);
         let error = self
             .plan
@@ -35,8 +37,7 @@ impl Bench<'_> {
             .quality
             .unwrap_or(Quality::Preview)
             .preset();
-        let mut points = Vec::new();
-        for &paths in &self.plan.paths {
+        for &paths in &plan.paths {
             let settings = PathSettings::for_paths(&self.scene, paths.min(1 << 30) as u32);
             let runs = self.repeat(&format!("virtual lights of {paths} paths"), || {
                 let start = Instant::now();
@@ -61,25 +62,28 @@ impl Bench<'_> {
             let time = |name: &str, i: usize| {
                 Figure::new(name, "ms", Better::Lower, runs.iter().map(|r| r.3[i]))
             };
-            points.push(Point {
-                at: vpls as f64,
-                figures: vec![
-                    time("paths", 0),
-                    time("octree", 1),
-                    time("lights", 2),
-                    Figure::count("clusters", cells as f64),
-                    Figure::count("virtual lights", lights as f64),
-                ],
-            });
+            self.point(
+                "virtual light creation",
+                "VPLs",
+                Point {
+                    at: vpls as f64,
+                    figures: vec![
+                        time("paths", 0),
+                        time("octree", 1),
+                        time("lights", 2),
+                        Figure::count("clusters", cells as f64),
+                        Figure::count("virtual lights", lights as f64),
+                    ],
+                },
+            );
         }
-        self.series("virtual light creation", "VPLs", points);
         Ok(())
     }
 
     /// VPL13 fig. 13: the same lights onto more and more texels.
     pub(super) fn texels(&mut self) -> Result<(), BenchError> {
-        let mut points = Vec::new();
-        for &texels in &self.plan.texels {
+        let plan = self.plan;
+        for &texels in &plan.texels {
             let job = self.few(texels);
             self.tell(&format!("{texels} texels"));
             let (scene, document) = (self.scene.clone(), self.document.clone());
@@ -90,21 +94,24 @@ impl Bench<'_> {
                 Ok((lit, runs))
             });
             match self.unless_too_large(&format!("{texels} texels"), result)? {
-                Some((lit, runs)) => points.push(Point {
-                    at: lit as f64,
-                    figures: runs_per_light(&runs),
-                }),
+                Some((lit, runs)) => self.point(
+                    "accumulation",
+                    "texels",
+                    Point {
+                        at: lit as f64,
+                        figures: runs_per_light(&runs),
+                    },
+                ),
                 None => break,
             }
         }
-        self.series("accumulation", "texels", points);
         Ok(())
     }
 
     /// Depth maps of the scene's triangles, cut into smaller ones or thinned out.
     pub(super) fn triangles(&mut self) -> Result<(), BenchError> {
-        let mut points = Vec::new();
-        for &target in &self.plan.triangles {
+        let plan = self.plan;
+        for &target in &plan.triangles {
             self.tell(&format!("{target} triangles"));
             let scene = with_triangles(&self.scene, target as usize);
             let made = ShadowBench::new(self.gpu, &scene).map_err(BenchError::from);
@@ -118,50 +125,61 @@ impl Bench<'_> {
                 Some((triangles, runs)) => {
                     let each = |s: f64| 1e3 * s / f64::from(MAPS);
                     let device = |r: &crate::bake::ShadowCost| r.passes.iter().map(|p| p.1).sum();
+                    let counts = runs[0].counts;
+                    let count = |name, all: u64| Figure::count(name, all as f64 / f64::from(MAPS));
                     let wall = runs.iter().map(|r| each(r.wall));
                     let passes = runs.iter().map(|r| each(device(r)));
-                    points.push(Point {
-                        at: triangles as f64,
-                        figures: vec![
-                            Figure::new("depth map", "ms", Better::Lower, wall),
-                            Figure::new("depth map, device", "ms", Better::Lower, passes),
-                        ],
-                    });
+                    self.point(
+                        "depth maps",
+                        "triangles",
+                        Point {
+                            at: triangles as f64,
+                            figures: vec![
+                                Figure::new("depth map", "ms", Better::Lower, wall),
+                                Figure::new("depth map, device", "ms", Better::Lower, passes),
+                                count("chunks", counts.chunks),
+                                count("triangles drawn", counts.triangles),
+                                count("of these in parts", counts.large),
+                            ],
+                        },
+                    );
                 }
                 None => break,
             }
         }
-        self.series("depth maps", "triangles", points);
         Ok(())
     }
 
     /// The same lights in batches of different sizes: one read-modify-write of the map a batch.
     pub(super) fn batches(&mut self) -> Result<(), BenchError> {
-        let mut baker = self.baker(&self.few(self.plan.job.atlas.texels))?;
-        let mut points = Vec::new();
-        for &lights in &self.plan.batches {
+        let plan = self.plan;
+        let mut baker = self.baker(&self.few(plan.job.atlas.texels))?;
+        for &lights in &plan.batches {
             baker.set_batch(Some(lights));
             let runs = self.repeat(&format!("batches of {lights}"), || fill(&mut baker))?;
-            points.push(Point {
-                at: f64::from(lights),
-                figures: runs_per_light(&runs),
-            });
+            self.point(
+                "batches",
+                "lights",
+                Point {
+                    at: f64::from(lights),
+                    figures: runs_per_light(&runs),
+                },
+            );
         }
-        self.series("batches", "lights", points);
         Ok(())
     }
 
     /// The same scene by more and more cells: the time of a light, and what an edit costs.
     pub(super) fn cells(&mut self) -> Result<(), BenchError> {
-        let mut baker = self.baker(&self.plan.job)?;
+        let plan = self.plan;
+        let mut baker = self.baker(&plan.job)?;
         let scenario = response::builtin(self.name).into_iter().next();
         let scenario = scenario.or(self.plan.scenarios.first().cloned());
         if scenario.is_none() {
             let why = "cells: no updates per second, since the scene has no scenario; --script FILE gives it one";
             self.out.missing.push(why.into());
         }
-        let mut points = Vec::new();
-        for &cells in &self.plan.cells {
+        for &cells in &plan.cells {
             baker.aim(Cells::Count(cells));
             let runs = self.repeat(&format!("{cells} cells"), || fill(&mut baker))?;
             let mut figures = runs_per_light(&runs);
@@ -170,33 +188,31 @@ impl Bench<'_> {
             figures.push(Figure::count("virtual lights", lights as f64));
             if let Some(scenario) = &scenario {
                 let folder = scenario.folder.clone().unwrap_or_default();
-                let plays = self.repeat(&format!("{cells} cells, an edit"), || {
-                    response::play(&mut baker, scenario, &folder)
+                let runs = self.repeat(&format!("{cells} cells, an edit"), || {
+                    response::follow(&mut baker, scenario, &folder)
                 })?;
-                let rate = plays.iter().map(|r| r.updates as f64 / r.seconds);
-                figures.push(Figure::new("updates", "1/s", Better::Higher, rate));
-                let size = plays
-                    .iter()
-                    .map(|r| r.lights as f64 / r.updates.max(1) as f64);
-                figures.push(Figure::new("update size", "lights", Better::Neither, size));
+                let mut of = |name: &str, unit: &str, better, value: fn(&Followed) -> f64| {
+                    figures.push(Figure::new(name, unit, better, runs.iter().map(value)));
+                };
+                of("updates", "1/s", Better::Higher, |r| {
+                    r.updates as f64 / r.seconds
+                });
+                of("update size", "lights", Better::Neither, |r| {
+                    r.lights as f64 / r.updates.max(1) as f64
+                });
+                of("first update", "s", Better::Lower, |r| r.first);
+                of("converged", "s", Better::Lower, |r| r.seconds);
             }
-            points.push(Point {
-                at: held.clusters as f64,
-                figures,
-            });
+            self.point(
+                "cells",
+                "cells",
+                Point {
+                    at: held.clusters as f64,
+                    figures,
+                },
+            );
         }
-        self.series("cells", "cells", points);
         Ok(())
-    }
-
-    fn series(&mut self, name: &str, over: &str, points: Vec<Point>) {
-        if !points.is_empty() {
-            self.out.series.push(Series {
-                name: name.into(),
-                over: over.into(),
-                points,
-            });
-        }
     }
 
     fn baker(&self, job: &Job) -> Result<Baker, BenchError> {

@@ -81,6 +81,21 @@ impl Bench<'_> {
                 },
             );
         }
+        // Pairs that culling left in, by all the time that they and their lights' depth maps took.
+        of(
+            "rate: pairs, shadows included",
+            "M pairs/s",
+            Better::Higher,
+            &|r| {
+                let pairs: u64 = r.report.counts.pairs.values().sum();
+                let light = r.passes.iter().filter(|(name, _)| lights_up(name));
+                pairs as f64 / light.map(|(_, ms)| ms).sum::<f64>() / 1e3
+            },
+        );
+        of("depth map", "ms", Better::Lower, &|r| {
+            let drawn = r.passes.iter().filter(|(name, _)| draws(name));
+            drawn.map(|(_, ms)| ms).sum::<f64>() / r.report.counts.shadows.maps.max(1) as f64
+        });
         of("device memory", "MiB", Better::Lower, &|r| {
             r.report.memory.device_peak as f64 / f64::from(1 << 20)
         });
@@ -106,6 +121,16 @@ impl Bench<'_> {
         self.frames()?;
         Ok(())
     }
+}
+
+/// Passes that draw depth maps.
+fn draws(pass: &str) -> bool {
+    pass.starts_with("shadow") || pass == "depth blocks"
+}
+
+/// Passes that light the map.
+fn lights_up(pass: &str) -> bool {
+    draws(pass) || pass == "tile cull" || pass.starts_with("accumulate")
 }
 
 fn stage(report: &Report, name: &str) -> f64 {

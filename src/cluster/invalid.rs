@@ -135,8 +135,9 @@ impl Ledger {
                 sum.flux(&self.scale)
             }
             CellId::Aperture { light, path } => self
-                .of_light(light)
-                .map(|(other, flux)| flux * overlap(other, path))
+                .meeting(light, path)
+                .iter()
+                .map(|&(other, flux)| flux * overlap(other, path))
                 .sum(),
         }
     }
@@ -161,8 +162,9 @@ impl Ledger {
                         }
                     }
                 }
-                self.apertures
-                    .retain(|&(l, other), _| l != light || overlap(other, path) == 0.0);
+                for (other, _) in self.meeting(light, path) {
+                    self.apertures.remove(&(light, other));
+                }
             }
         }
         flux
@@ -180,9 +182,26 @@ impl Ledger {
             .range((places.start, cell.level)..(places.end, 0))
     }
 
-    fn of_light(&self, light: u32) -> impl Iterator<Item = (u64, f64)> {
-        let entries = self.apertures.range((light, 0)..=(light, u64::MAX));
-        entries.map(|(&(_, path), &flux)| (path, flux))
+    /// What is noted for a part of an aperture, its parts, and the parts that it is one of.
+    fn meeting(&self, light: u32, path: u64) -> Vec<(u64, f64)> {
+        let mut all = self.apertures.range((light, 0)..=(light, u64::MAX));
+        // Longer ways are larger numbers.
+        let Some((&(_, last), _)) = all.next_back() else {
+            return Vec::new();
+        };
+        let above = std::iter::successors(Some(path >> 1), |way| Some(way >> 1));
+        let above = above.take_while(|way| *way > 0);
+        let above = above.filter_map(|way| Some((way, *self.apertures.get(&(light, way))?)));
+        let mut meeting: Vec<_> = above.collect();
+        for below in 0..=path.leading_zeros() {
+            let (first, end) = (path << below, (path << below) + ((1 << below) - 1));
+            if first > last {
+                break;
+            }
+            let parts = self.apertures.range((light, first)..=(light, end));
+            meeting.extend(parts.map(|(&(_, way), &flux)| (way, flux)));
+        }
+        meeting
     }
 }
 

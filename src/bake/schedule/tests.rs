@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::*;
 use crate::bake::brightness::Brightness;
+use crate::bake::plan::Plan;
 use crate::cluster::Shape;
 
 fn light(x: f32, flux: f32) -> VirtualLight {
@@ -110,6 +111,45 @@ fn what_shows_most_for_its_work_goes_first() {
         .map(|u| u.what)
         .collect();
     assert_eq!(order, [3, 1, 2].map(|p| What::Advance(cell(p))));
+}
+
+#[test]
+fn direct_light_is_done_apart_and_what_is_left_is_known_all_the_time() {
+    let indirect = |i: i64| {
+        CellId::Octree(crate::cluster::Cell {
+            level: 3,
+            index: [i, 0, 0],
+        })
+    };
+    let updates = (0..20).map(|i| {
+        let visible = f64::from(i * 7 % 20);
+        let mut update = update(Kind::Validation, i as u64 + 1, visible, 1.0, 1.0);
+        if i % 3 == 0 {
+            update.what = What::Advance(indirect(i.into()));
+        }
+        update
+    });
+    let mut plan = Plan::new(updates.collect(), 0.0);
+    let mut left: f64 = (0..20).map(f64::from).sum();
+    let mut last = f64::INFINITY;
+    for round in 0..20 {
+        assert!((plan.invalid_flux() - left).abs() < 1e-9 && plan.len() == 20 - round);
+        let update = if round < 5 {
+            let direct = plan.next_direct().unwrap();
+            assert!(matches!(
+                direct.what,
+                What::Advance(CellId::Aperture { .. })
+            ));
+            direct
+        } else {
+            let next = plan.next(0.1).unwrap();
+            assert!(round == 5 || next.visible <= last);
+            last = next.visible;
+            next
+        };
+        left -= update.gain;
+    }
+    assert!(plan.next(0.1).is_none() && plan.next_direct().is_none());
 }
 
 #[test]

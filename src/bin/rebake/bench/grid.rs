@@ -43,20 +43,6 @@ impl std::fmt::Display for Grid {
     }
 }
 
-/// Three figures' worth of a number, as people write it.
-pub fn number(value: f64) -> String {
-    let size = value.abs();
-    match size {
-        s if s == 0.0 || !s.is_finite() => format!("{value}"),
-        s if s >= 1e6 && value.fract() != 0.0 => format!("{value:.3e}"),
-        s if s >= 100.0 => format!("{value:.0}"),
-        s if s >= 10.0 => format!("{value:.1}"),
-        s if s >= 1.0 => format!("{value:.2}"),
-        s if s >= 0.01 => format!("{value:.3}"),
-        _ => format!("{value:.2e}"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -66,7 +52,5 @@ mod tests {
         let mut grid = Grid::new("t", ["name".to_owned(), "ms".to_owned()]);
         grid.row(["a".to_owned(), "10.5".to_owned()]);
         assert_eq!(grid.to_string(), "\nt\n  name    ms\n  a     10.5");
-        let numbers = [0.0, 1234.0, 12.34, 1.234, 0.1234, 0.00012].map(number);
-        assert_eq!(numbers, ["0", "1234", "12.3", "1.23", "0.123", "1.20e-4"]);
     }
 }

@@ -5,11 +5,14 @@ mod grid;
 mod plots;
 mod tables;
 
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use rebake::bake::{Job, Options, Quality};
-use rebake::bench::{self, Comparison, Figures, Part, Plan, Scenario, compare, measure};
+use rebake::bench::{
+    self, Comparison, Figures, Part, Plan, Scenario, SceneFigures, Witness, compare, measure,
+};
 use rebake::gpu::Gpu;
 use rebake::lightmap::AtlasOptions;
 use rebake::scene::write_whole;
@@ -38,7 +41,7 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
     } else {
         command.scenes.clone()
     };
-    let mut figures = Figures {
+    let figures = Figures {
         generator: concat!("rebake ", env!("CARGO_PKG_VERSION")).into(),
         device: gpu.info().name.clone(),
         driver: gpu.info().driver.clone(),
@@ -61,22 +64,29 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
         figures.repeats,
         figures.warm_up,
     ))?;
+    let record = Record {
+        console: &console,
+        path: command.output.as_deref(),
+        figures: RefCell::new(figures),
+        at: Cell::new(0),
+    };
     for name in &names {
-        let told = |what: &str| console.note(what);
         // Anew for each scene: the most memory that was taken is then this scene's.
         let gpu = open()?;
-        let scene = measure(&gpu, name, &plan, &told).with_context(|| name.clone())?;
+        let scene = measure(&gpu, name, &plan, &record).with_context(|| name.clone())?;
         gpu.check_validation()?;
         for table in tables::of_scene(&scene) {
             console.say(&table)?;
         }
-        figures.scenes.push(scene);
+        record.keep(&scene);
+        record.at.update(|at| at + 1);
     }
+    let figures = record.figures.into_inner();
     let parts = &plan.parts;
     if parts.contains(&Part::Table) || parts.contains(&Part::Response) {
         console.say(&tables::overview(&figures.scenes))?;
     }
-    let json = serde_json::to_vec_pretty(&figures).context("writing the figures")?;
+    let json = json(&figures)?;
     if let Some(path) = &command.output {
         write_whole(path, &json)?;
         console.say(&path.display().to_string())?;
@@ -93,6 +103,44 @@ pub fn run(args: &Args, command: &Bench) -> anyhow::Result<()> {
         Some(old) => judge(&console, &compare(&old, &figures), command.threshold),
         None => Ok(()),
     }
+}
+
+/// What has come out so far: on disk as soon as it is known, since some runs take hours.
+struct Record<'a> {
+    console: &'a Console,
+    path: Option<&'a Path>,
+    figures: RefCell<Figures>,
+    /// Scenes that are done.
+    at: Cell<usize>,
+}
+
+impl Record<'_> {
+    /// What is known of the scene that is measured.
+    fn keep(&self, scene: &SceneFigures) {
+        let mut figures = self.figures.borrow_mut();
+        figures.scenes.truncate(self.at.get());
+        figures.scenes.push(scene.clone());
+        if let Some(path) = self.path
+            && let Err(error) = json(&figures).and_then(|bytes| Ok(write_whole(path, &bytes)?))
+        {
+            // Measuring goes on: the end will say the same as an error.
+            self.console.note(&format!("{error:#}"));
+        }
+    }
+}
+
+impl Witness for Record<'_> {
+    fn told(&self, what: &str) {
+        self.console.note(what);
+    }
+
+    fn known(&self, scene: &SceneFigures) {
+        self.keep(scene);
+    }
+}
+
+fn json(figures: &Figures) -> anyhow::Result<Vec<u8>> {
+    serde_json::to_vec_pretty(figures).context("writing the figures")
 }
 
 /// Prints ratios; an error if any figure has got worse by more than `threshold`.

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
-use rebake::bench::{Figure, Figures, SceneFigures, Series};
+use rebake::bench::{Figure, Figures, SceneFigures, Series, number};
 use rebake::scene::write_whole;
 
-use super::grid::number;
 use crate::plot;
 
 /// Width and height, pixels.

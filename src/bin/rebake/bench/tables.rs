@@ -1,8 +1,8 @@
 //! What `rebake bench` prints of the figures.
 
-use rebake::bench::{Better, Comparison, Figure, Point, SceneFigures, Series};
+use rebake::bench::{Better, Comparison, Figure, Point, SceneFigures, Series, number};
 
-use super::grid::{Grid, number};
+use super::grid::Grid;
 
 /// A scene's tables.
 pub fn of_scene(scene: &SceneFigures) -> Vec<String> {
