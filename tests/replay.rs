@@ -126,10 +126,15 @@ fn follow(name: &str, job: &Job, steps: &[Step]) -> Result<(), TestCaseError> {
                 depth -= 1;
             }
         }
-        let limit = match i % 4 {
+        let limit = match i % 5 {
             0 => Limit::Updates(3),
             1 => Limit::Updates(40),
             2 => Limit::Time(Duration::from_millis(2)),
+            // The next edit may come in the middle of an update.
+            3 => Limit::Slice {
+                time: Duration::from_millis(2),
+                whole: false,
+            },
             _ => continue,
         };
         baker.step(limit).unwrap();

@@ -1,6 +1,7 @@
 //! Holds the way to a converged map to what is promised: no energy is missing or counted twice between two updates.
 
 use std::path::Path;
+use std::time::Duration;
 
 use rebake::bake::{Baker, Job, Limit, Options, Quality, Silent};
 use rebake::gpu::{Gpu, GpuOptions};
@@ -19,8 +20,8 @@ fn mean(values: &[f32]) -> f64 {
     lit.clone().map(|v| f64::from(*v)).sum::<f64>() / lit.count() as f64
 }
 
-/// The map after every so many updates, the first and the last one included.
-fn frames(line: &str, every: u64) -> Vec<Vec<f32>> {
+/// The Cornell box, baked.
+fn cornell() -> Baker {
     let gpu = Gpu::new(&GpuOptions::default())
         .expect("a Vulkan device (tools/setup.sh installs lavapipe)");
     let document = builtin("cornell").expect("built in");
@@ -38,11 +39,21 @@ fn frames(line: &str, every: u64) -> Vec<Vec<f32>> {
     };
     let mut baker = Baker::new(&gpu, scene, document, &job, &Silent).expect("a bake");
     baker.step(Limit::Converged).expect("a bake");
-    let mut frames = vec![values(&mut baker)];
+    baker
+}
+
+fn edit(baker: &mut Baker, line: &str) {
     let Ok(Command::Edit(edit)) = Command::parse(line) else {
         panic!("{line} is no edit");
     };
     baker.apply(&edit, Path::new(".")).expect("an edit");
+}
+
+/// The map after every so many updates, the first and the last one included.
+fn frames(line: &str, every: u64) -> Vec<Vec<f32>> {
+    let mut baker = cornell();
+    let mut frames = vec![values(&mut baker)];
+    edit(&mut baker, line);
     while !baker.is_converged() {
         baker.step(Limit::Updates(every)).expect("updates");
         frames.push(values(&mut baker));
@@ -76,4 +87,66 @@ fn a_light_that_is_dimmed_grows_dark_without_flicker() {
             "update {at}: a texel is {beyond} lux beyond both maps, whose means are {dark} and {bright}"
         );
     }
+}
+
+#[test]
+fn slices_cut_updates_anywhere_and_edits_may_come_there() {
+    let mut baker = cornell();
+    let before = values(&mut baker);
+    // So short that each sends a light.
+    let slice = |whole| Limit::Slice {
+        time: Duration::from_nanos(1),
+        whole,
+    };
+    edit(
+        &mut baker,
+        r#"{"do": "transform", "node": "small.box", "translation": [0.4, 0.0, 0.5]}"#,
+    );
+    let (mut cut, mut steps) = (0, 0);
+    while cut < 20 {
+        let progress = baker.step(slice(false)).expect("a slice");
+        assert!(progress.updates <= 1 && !progress.converged, "{progress:?}");
+        cut += u32::from(!baker.is_whole());
+        steps += 1;
+        assert!(steps < 500, "updates of several lights are cut");
+    }
+    while baker.is_whole() {
+        baker.step(slice(false)).expect("a slice");
+    }
+    // In the middle of an update.
+    edit(
+        &mut baker,
+        r#"{"do": "material", "material": "lamp", "emissiveStrength": 9000}"#,
+    );
+    edit(&mut baker, r#"{"do": "remove", "node": "tall.box"}"#);
+    assert!(!baker.is_whole());
+    let mut steps = 0;
+    while !baker.is_whole() {
+        let progress = baker.step(slice(true)).expect("a slice");
+        assert_eq!(progress.updates, 0, "nothing is begun");
+        steps += 1;
+        assert!(steps < 100, "what was begun is finished");
+    }
+    for _ in 0..30 {
+        baker.step(slice(false)).expect("a slice");
+    }
+    for _ in 0..3 {
+        baker.undo().expect("an edit to undo");
+        baker.step(slice(false)).expect("a slice");
+    }
+    // Large slices now: to the end, which leaves nothing waiting.
+    while !baker.is_converged() {
+        let time = Duration::from_millis(200);
+        baker
+            .step(Limit::Slice { time, whole: false })
+            .expect("a slice");
+    }
+    assert!(baker.is_whole());
+    baker
+        .verify()
+        .expect("every texel holds what its lights give");
+    assert!(
+        values(&mut baker) == before,
+        "the map is as before, bit for bit"
+    );
 }

@@ -30,6 +30,14 @@ pub enum Limit {
     Time(Duration),
     /// For so many updates.
     Updates(u64),
+    /// For about so long on the host, and with no more than takes about so long on the device: the rest of an update that was
+    /// begun waits for the next step, and [`Baker::is_whole`] says so. At least one light, if there is one.
+    Slice {
+        /// So long.
+        time: Duration,
+        /// Only finishes what was begun, because somebody waits to see the map.
+        whole: bool,
+    },
 }
 
 /// Where a baker stands.
@@ -50,6 +58,21 @@ pub struct Progress {
 impl Baker {
     /// Whether the map is that of a fresh bake.
     pub fn is_converged(&self) -> bool {
+        self.is_planned_out() && !self.illumination.is_behind()
+    }
+
+    /// Whether every update has been sent to the device wholly or not at all: only a [`Limit::Slice`] leaves it otherwise.
+    pub fn is_whole(&self) -> bool {
+        self.illumination.is_whole()
+    }
+
+    /// What the last [`Limit::Slice`] left of the device's time.
+    pub fn slice_left(&self) -> Duration {
+        self.illumination.left()
+    }
+
+    /// Whether no update is left to be begun.
+    fn is_planned_out(&self) -> bool {
         self.settled && self.validator.is_valid() && self.plan.len() == 0
     }
 
@@ -72,11 +95,27 @@ impl Baker {
             Limit::Converged => false,
             Limit::Time(time) => start.elapsed() >= time,
             Limit::Updates(n) => updates >= n,
+            Limit::Slice { time, .. } => start.elapsed() >= time,
         };
         let _span = debug_span!("step").entered();
+        let slice = match limit {
+            Limit::Slice { time, whole } => Some((time, whole)),
+            _ => None,
+        };
+        self.illumination
+            .allow(slice.map(|s| s.0), slice.is_some_and(|s| s.1));
+        if slice.is_some() {
+            self.illumination.poll()?;
+        }
         let before = self.illumination.lights_sent();
         let mut updates = 0;
         loop {
+            // In a slice, only when all that was begun has been sent: what comes next is to wait no longer than that.
+            let waits = |baker: &Self| slice.is_some() && baker.illumination.is_behind();
+            let begun_only = slice.is_some_and(|s| s.1) || waits(self);
+            if begun_only && (self.edited || enough(updates)) {
+                break;
+            }
             // After an edit, first what needs no path to be known: the device has work then while the host traces.
             let direct = std::mem::take(&mut self.edited);
             if direct {
@@ -84,12 +123,14 @@ impl Baker {
                 self.plan_wanted();
             } else {
                 let tracing = match limit {
-                    Limit::Time(time) => Some(start + time.mul_f64(TRACING_SHARE)),
+                    Limit::Time(time) | Limit::Slice { time, .. } => {
+                        Some(start + time.mul_f64(TRACING_SHARE))
+                    }
                     _ => None,
                 };
                 self.settle(tracing);
             }
-            if limit == Limit::Updates(updates) {
+            if begun_only || limit == Limit::Updates(updates) {
                 break;
             }
             let total = self.plan.lights();
@@ -101,7 +142,7 @@ impl Baker {
                 self.journal.reach(self.illumination.taken_and_done().1);
                 let sent = self.illumination.lights_sent() - before;
                 told(sent, sent + total);
-                if enough(updates) {
+                if enough(updates) || waits(self) {
                     self.illumination.send()?;
                     return Ok(self.standing(updates));
                 }
@@ -115,7 +156,7 @@ impl Baker {
                 continue;
             }
             self.forget()?;
-            if self.is_converged() {
+            if self.is_planned_out() && !waits(self) {
                 self.illumination.flush()?;
                 self.journal.reach(self.illumination.taken_and_done().1);
                 self.ledger = Ledger::new(&self.clusters);
@@ -192,8 +233,9 @@ impl Baker {
             return Ok(());
         }
         let current = self.illumination.version();
-        let oldest = self.held.values().map(|h| h.version).min();
-        self.forget_before(oldest.unwrap_or(current))
+        let held = self.held.values().map(|h| h.version).min();
+        let oldest = held.into_iter().chain(self.illumination.oldest_waiting());
+        self.forget_before(oldest.min().unwrap_or(current))
     }
 
     /// The updates that lead from `held` to what is wanted.

@@ -1,6 +1,7 @@
 //! Changes the lightmap on the device: adds and subtracts virtual lights, each in the version of the scene that it is held
 //! under, in batches whose size follows measured time.
 
+mod allowance;
 mod sending;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -19,6 +20,7 @@ use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Buffer, Gpu, Result, Stage, Ticket};
 use crate::lightmap::texels::Texels;
 use crate::scene::Scene;
+use allowance::{Allowance, Costs, Counts};
 
 /// Depth pixels of one batch: 256 MiB.
 const DEPTH_ELEMENTS: u64 = 64 << 20;
@@ -42,12 +44,19 @@ struct Pending {
     version: Version,
     /// The version that a difference takes it away from; the same where the whole light comes or goes.
     other: Version,
+    /// The number of the update that it is part of.
+    update: u64,
 }
 
 impl Pending {
     /// Which passes evaluate it: those for indirect lights, or for direct ones.
     fn queue(&self) -> usize {
         usize::from(self.light.direct)
+    }
+
+    /// What it takes, as [`Costs`] counts.
+    fn kind(&self) -> usize {
+        self.queue() + 2 * usize::from(self.version != self.other)
     }
 }
 
@@ -75,6 +84,13 @@ pub struct Illumination {
     batch: usize,
     /// The most that somebody wants.
     batch_limit: Option<u32>,
+    /// What may be sent before there is more of it; none: everything, at once.
+    allowance: Option<Allowance>,
+    costs: Costs,
+    /// Updates taken in so far.
+    updates: u64,
+    /// The last one of which lights were sent.
+    touched: u64,
     /// Sent so far, indirect and direct ones.
     lights: [u64; 2],
     pairs: BTreeMap<&'static str, u64>,
@@ -87,6 +103,20 @@ struct Flight {
     sent: Instant,
     /// Indirect and direct lights.
     lights: [u64; 2],
+    /// The same, by what they take.
+    kinds: Counts,
+}
+
+impl Flight {
+    /// One without lights.
+    fn of(ticket: Ticket) -> Self {
+        Self {
+            ticket,
+            sent: Instant::now(),
+            lights: [0; 2],
+            kinds: Counts::default(),
+        }
+    }
 }
 
 impl Illumination {
@@ -126,6 +156,10 @@ impl Illumination {
                 FIRST_BATCH
             },
             batch_limit: None,
+            allowance: None,
+            costs: Costs::default(),
+            updates: 0,
+            touched: 0,
             lights: [0; 2],
             pairs: BTreeMap::new(),
             shadows: ShadowCounts::default(),
@@ -207,11 +241,7 @@ impl Illumination {
         self.occluders
             .add(&self.gpu, &mut cmd, scene, &standing, &instances)?;
         self.versions.upload(&self.gpu, &mut cmd)?;
-        self.in_flight.push_back(Flight {
-            ticket: cmd.submit()?,
-            sent: Instant::now(),
-            lights: [0; 2],
-        });
+        self.in_flight.push_back(Flight::of(cmd.submit()?));
         Ok(version)
     }
 
@@ -228,11 +258,7 @@ impl Illumination {
             .remove(&mut cmd, &gone, self.versions.nobody());
         self.receivers.remove(&mut cmd, &gone);
         self.versions.upload(&self.gpu, &mut cmd)?;
-        self.in_flight.push_back(Flight {
-            ticket: cmd.submit()?,
-            sent: Instant::now(),
-            lights: [0; 2],
-        });
+        self.in_flight.push_back(Flight::of(cmd.submit()?));
         Ok(())
     }
 
@@ -244,6 +270,7 @@ impl Illumination {
             sign,
             version,
             other: version,
+            update: self.updates,
         })
     }
 
@@ -276,6 +303,7 @@ impl Illumination {
             sign: Sign::Add,
             version: to,
             other: from,
+            update: self.updates,
         })?;
         Ok(true)
     }
@@ -287,6 +315,7 @@ impl Illumination {
         leaving: impl IntoIterator<Item = (VirtualLight, Version)>,
         coming: impl IntoIterator<Item = (VirtualLight, Version)>,
     ) -> Result<[u64; 3]> {
+        self.updates += 1;
         let mut evaluated = [0; 3];
         let mut leaving: Vec<_> = leaving.into_iter().collect();
         for (light, to) in coming {

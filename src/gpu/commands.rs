@@ -4,6 +4,8 @@
 //! [`Commands::barrier`] between dispatches that touch the same bytes. Buffers and pipelines may be dropped right after
 //! recording: they are freed when the submission is done.
 
+use std::sync::MutexGuard;
+
 use ash::vk;
 use bytemuck::Pod;
 
@@ -314,18 +316,23 @@ impl Commands {
 }
 
 impl Commands {
-    /// As [`Commands::submit`], after `free` is signalled; signals `drawn` as well.
-    pub(super) fn submit_for_window(
+    /// As [`Commands::submit`], after `free` is signalled; signals `drawn` as well. Returns the queue and the turn: nothing else is
+    /// submitted as long as that is held.
+    pub(super) fn submit_for_window<'a>(
         mut self,
+        gpu: &'a Gpu,
         free: vk::Semaphore,
         drawn: vk::Semaphore,
-    ) -> Result<Ticket> {
+    ) -> Result<(Ticket, vk::Queue, MutexGuard<'a, ()>)> {
         let recording = self.recording.take().expect("submitted once, here");
-        let gpu = self.gpu.clone();
-        let value = gpu
-            .queue()
-            .submit_between(&gpu.0, recording, Some([free, drawn]))?;
-        Ok(Ticket { gpu, value })
+        let mut queue = gpu.queue();
+        let turn = gpu.turn();
+        let value = queue.submit_between(&gpu.0, &turn, recording, Some([free, drawn]))?;
+        let ticket = Ticket {
+            gpu: gpu.clone(),
+            value,
+        };
+        Ok((ticket, queue.raw(), turn))
     }
 }
 

@@ -67,6 +67,9 @@ struct Shared {
     /// Likewise by name.
     named: Mutex<BTreeMap<String, [u64; 2]>>,
     queue: Mutex<Queue>,
+    /// Held while something is handed to the device's queue; taken after `queue`, which need not be held: where the driver draws by
+    /// itself, presenting a picture takes as long as drawing it, and others record meanwhile.
+    turn: Mutex<()>,
     /// Taken out first when the device goes.
     allocator: Mutex<Option<Allocator>>,
     debug: Option<ext::debug_utils::Device>,
@@ -75,6 +78,11 @@ struct Shared {
 }
 
 impl Shared {
+    /// The right to hand something to the device's queue.
+    fn turn(&self) -> MutexGuard<'_, ()> {
+        self.turn.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
     /// Counts what was allocated.
     fn came(&self, name: &str, bytes: u64) {
         let live = self.allocated.fetch_add(bytes, Ordering::Relaxed) + bytes;
@@ -216,6 +224,7 @@ impl Gpu {
                 peak: AtomicU64::new(0),
                 named: Mutex::default(),
                 queue: Mutex::new(queue),
+                turn: Mutex::new(()),
                 allocator: Mutex::new(Some(allocator)),
                 debug,
                 device,
@@ -259,6 +268,10 @@ impl Gpu {
 
     fn queue(&self) -> MutexGuard<'_, Queue> {
         self.0.queue.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    fn turn(&self) -> MutexGuard<'_, ()> {
+        self.0.turn()
     }
 
     fn set_name(&self, handle: impl vk::Handle, name: &str) {

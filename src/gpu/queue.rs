@@ -1,6 +1,7 @@
 //! The one queue: submissions in order, what waits for them (garbage, ring space, timestamps), and the host's waits.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::MutexGuard;
 
 use ash::vk;
 use gpu_allocator::vulkan::Allocator;
@@ -36,6 +37,8 @@ pub(super) struct Queue {
     /// Bytes ever taken from the ring.
     ring_head: u64,
     pub(super) timings: BTreeMap<&'static str, (u64, f64)>,
+    /// Milliseconds in scopes of the submissions that finished last.
+    pub(super) lately: VecDeque<(u64, f64)>,
     pub(super) clock: Clock,
 }
 
@@ -64,6 +67,7 @@ impl Queue {
             ring: None,
             ring_head: 0,
             timings: BTreeMap::new(),
+            lately: VecDeque::new(),
             clock,
         })
     }
@@ -138,20 +142,24 @@ impl Queue {
 
     /// Waits for everything that was submitted and frees what waited for it.
     pub(super) fn idle(&mut self, shared: &Shared) -> Result<()> {
-        // SAFETY: the queue is locked.
-        unsafe { shared.device.queue_wait_idle(self.raw) }
-            .map_err(GpuError::call("vkQueueWaitIdle"))?;
+        let turn = shared.turn();
+        // SAFETY: it is our turn.
+        let waited = unsafe { shared.device.queue_wait_idle(self.raw) };
+        drop(turn);
+        waited.map_err(GpuError::call("vkQueueWaitIdle"))?;
         self.collect(shared)
     }
 
     pub(super) fn submit(&mut self, shared: &Shared, recording: Recording) -> Result<u64> {
-        self.submit_between(shared, recording, None)
+        let turn = shared.turn();
+        self.submit_between(shared, &turn, recording, None)
     }
 
     /// Submits; with semaphores to wait for and to signal besides.
     pub(super) fn submit_between(
         &mut self,
         shared: &Shared,
+        _turn: &MutexGuard<()>,
         mut recording: Recording,
         window: Option<[vk::Semaphore; 2]>,
     ) -> Result<u64> {
@@ -173,7 +181,7 @@ impl Queue {
             .command_buffer_infos(&buffers)
             .wait_semaphore_infos(&waits)
             .signal_semaphore_infos(&signals)];
-        // SAFETY: the recording has ended and is not in flight; the queue is locked.
+        // SAFETY: the recording has ended and is not in flight; it is our turn.
         let sent = unsafe {
             recording.end_trace(shared, value);
             shared

@@ -12,6 +12,8 @@ pub(super) const MAX_TIMESTAMPS: u32 = 256;
 const MAX_COUNTS: u32 = MAX_TIMESTAMPS / 2;
 /// Two more: where the whole of a recording begins and ends, taken when somebody traces.
 const WHOLE: u32 = MAX_TIMESTAMPS;
+/// Submissions whose device time is remembered.
+const LATELY: usize = 64;
 /// Timestamps of a recording's pool.
 pub(super) const ALL_TIMESTAMPS: u32 = MAX_TIMESTAMPS + 2;
 
@@ -145,14 +147,19 @@ impl Queue {
             read.ok().map(|()| ticks)
         };
         let mut passes = Vec::new();
+        let mut all = 0.0;
         for &(name, first) in &recording.scopes {
             if let Some([begin, end]) = read(first) {
                 let timing = self.timings.entry(name).or_default();
+                let ms = end.saturating_sub(begin) as f64 * shared.timestamp_ns * 1e-6;
                 timing.0 += 1;
-                timing.1 += end.saturating_sub(begin) as f64 * shared.timestamp_ns * 1e-6;
+                timing.1 += ms;
+                all += ms;
                 passes.push((name, first, [begin, end]));
             }
         }
+        self.lately.truncate(LATELY - 1);
+        self.lately.push_front((value, all));
         if recording.traced
             && let Some([begin, end]) = read(WHOLE)
         {

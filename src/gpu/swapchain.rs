@@ -202,16 +202,24 @@ impl Swapchain {
         cmd.transition(image, from, image.layout(), Stage::All);
     }
 
-    /// Sends what was recorded, and shows the image when it is done.
+    /// Sends what was recorded, and shows the image when it is done. `sent`: called in between, as soon as what others submit comes
+    /// after it.
     ///
     /// # Errors
     /// A lost window or device.
-    pub fn present(&mut self, mut cmd: Commands, frame: Frame) -> Result<Ticket> {
+    pub fn present(
+        &mut self,
+        mut cmd: Commands,
+        frame: Frame,
+        sent: impl FnOnce(),
+    ) -> Result<Ticket> {
         let image = self.image(&frame);
         let to = vk::ImageLayout::PRESENT_SRC_KHR;
         cmd.transition(image, image.layout(), to, Stage::All);
         let drawn = self.drawn[frame.index as usize];
-        let ticket = cmd.submit_for_window(self.free[self.turn], drawn)?;
+        let gpu = self.gpu.clone();
+        let (ticket, queue, turn) = cmd.submit_for_window(&gpu, self.free[self.turn], drawn)?;
+        sent();
         self.tickets[self.turn] = Some(ticket.clone());
         self.sent += 1;
         self.turn = (self.turn + 1) % BEHIND;
@@ -220,9 +228,10 @@ impl Swapchain {
             .wait_semaphores(&waits)
             .swapchains(&swapchains)
             .image_indices(&indices);
-        let queue = self.gpu.queue();
-        // SAFETY: the queue is locked; the image was acquired and its drawing signals the semaphore.
-        match unsafe { self.swapchains.queue_present(queue.raw(), &info) } {
+        // SAFETY: it is our turn; the image was acquired and its drawing signals the semaphore.
+        let shown = unsafe { self.swapchains.queue_present(queue, &info) };
+        drop(turn);
+        match shown {
             Ok(suboptimal) => self.stale |= suboptimal,
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
             Err(result) => return Err(GpuError::call("vkQueuePresentKHR")(result)),

@@ -1,5 +1,7 @@
 //! What a submission leaves with the host: something to wait for, and the device time of its scopes.
 
+use std::time::Duration;
+
 use super::Gpu;
 use super::error::Result;
 
@@ -23,6 +25,13 @@ impl Ticket {
         let waited = super::queue::wait(shared, semaphore, self.value);
         self.gpu.queue().waited(shared, waited)?;
         self.gpu.check_validation()
+    }
+
+    /// Device time in its scopes, once it has been waited for; none for one that finished long before others.
+    pub fn device_time(&self) -> Option<Duration> {
+        let queue = self.gpu.queue();
+        let of = queue.lately.iter().find(|(value, _)| *value == self.value);
+        of.map(|(_, ms)| Duration::from_secs_f64(ms * 1e-3))
     }
 
     /// Whether it has finished.

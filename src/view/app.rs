@@ -24,8 +24,8 @@ pub struct WindowOptions {
     pub scene: Source,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Time for updates per frame.
-    pub slice: Duration,
+    /// Time for updates per frame; none: as pictures take.
+    pub slice: Option<Duration>,
     /// How to bake.
     pub job: Job,
     /// The device.

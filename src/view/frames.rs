@@ -18,9 +18,9 @@ use super::picture_file::write_picture;
 use super::shot::Shot;
 use super::shown::Shown;
 use super::state::Viewer;
-use super::worker::{Request, Status};
+use super::worker::{Status, Worker};
 use super::{Note, ViewError};
-use crate::gpu::{Format, Gpu, Image, Stage, Swapchain};
+use crate::gpu::{Format, Gpu, Image, Stage, Swapchain, Ticket};
 use crate::transport::SceneBvh;
 
 /// Draws frames into a window.
@@ -40,7 +40,10 @@ pub(super) struct Frames {
     passes_at: Instant,
     passes_before: Vec<crate::gpu::Timing>,
     screenshots: u32,
+    /// Of pictures, lately.
     device_time: Duration,
+    /// The last picture.
+    picture: Option<Ticket>,
     pace: Pace,
     /// How coarse the last frame was.
     coarse: u32,
@@ -52,7 +55,6 @@ pub(super) struct Frames {
 
 /// What a frame came to.
 pub(super) struct Drawn {
-    pub requests: Vec<Request>,
     pub live: bool,
     pub quit: bool,
     /// There was something to draw into.
@@ -94,6 +96,7 @@ impl Frames {
             passes_before: Vec::new(),
             screenshots: 0,
             device_time: Duration::ZERO,
+            picture: None,
             pace: Pace::default(),
             coarse: 1,
             warm: BTreeSet::new(),
@@ -156,6 +159,7 @@ impl Frames {
         shown: &Arc<Shown>,
         bvh: Option<&SceneBvh>,
         status: &Status,
+        worker: &Worker,
     ) -> Result<Drawn, ViewError> {
         let _span = debug_span!("frame", number = self.swapchain.sent() + 1).entered();
         let input = self.take_input(window);
@@ -163,6 +167,11 @@ impl Frames {
         self.measured(viewer)?;
         let outcome =
             debug_span!("panels").in_scope(|| viewer.frame(&self.egui, input, shown, bvh, status));
+        // The bake takes in what is asked for while the frame is drawn.
+        for request in outcome.requests {
+            worker.send(request);
+        }
+        worker.set_live(outcome.live);
         let output = outcome.output;
         self.events
             .handle_platform_output(window, output.platform_output);
@@ -173,7 +182,6 @@ impl Frames {
             .map(|v| v.repaint_delay)
             .filter(|d| *d < Duration::from_secs(3600));
         let mut drawn = Drawn {
-            requests: outcome.requests,
             live: outcome.live,
             quit: outcome.quit,
             shown: false,
@@ -237,15 +245,19 @@ impl Frames {
             cmd.barrier(Stage::Transfer, Stage::Host);
         }
         drop(recording);
-        let ticket = debug_span!("present").in_scope(|| self.swapchain.present(cmd, frame))?;
+        let (camera, took) = (viewer.pose.camera(), self.device_time);
+        let sent = || worker.frame_sent(camera, took);
+        let ticket =
+            debug_span!("present").in_scope(|| self.swapchain.present(cmd, frame, sent))?;
         if let Some(buffer) = buffer {
             ticket.wait()?;
             let note = self.screenshot(viewer, size, buffer.mapped(0..buffer.size() as usize));
             viewer.note(self.now(), note);
         }
         if measures {
-            self.display.measured_by(ticket);
+            self.display.measured_by(ticket.clone());
         }
+        self.picture = Some(ticket);
         drawn.shown = true;
         Ok(drawn)
     }
@@ -258,6 +270,14 @@ impl Frames {
             viewer.exposure.follow(mean, seconds);
         }
         viewer.probe = self.display.probed();
+        if let Some(took) = self.picture.take().and_then(|ticket| ticket.device_time()) {
+            let before = match self.device_time {
+                Duration::ZERO => took,
+                before => before,
+            };
+            // What is drawn for the first time is compiled first.
+            self.device_time = (before * 3 + took.min(before * 2)) / 4;
+        }
         let since = self.passes_at.elapsed().as_secs_f64();
         if since > 1.0 {
             self.passes_at = Instant::now();
@@ -273,21 +293,6 @@ impl Frames {
                 })
                 .filter(|(_, ms)| *ms > 0.005)
                 .collect();
-            let ours =
-                |t: &&crate::gpu::Timing| t.name.starts_with("view ") && t.name != "view pages";
-            let cost =
-                |all: &[crate::gpu::Timing]| all.iter().filter(ours).map(|t| t.ms).sum::<f64>();
-            let frames = |all: &[crate::gpu::Timing]| {
-                all.iter()
-                    .filter(|t| t.name == "view tone")
-                    .map(|t| t.calls)
-                    .sum::<u64>()
-            };
-            let calls = frames(&timings) - frames(&self.passes_before);
-            if calls > 0 {
-                let ms = (cost(&timings) - cost(&self.passes_before)) / calls as f64;
-                self.device_time = Duration::from_secs_f64(ms.max(0.0) / 1e3);
-            }
             self.passes_before = timings;
         }
         Ok(())

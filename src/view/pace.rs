@@ -10,6 +10,9 @@ use crate::gpu::Timing;
 const WANTED_MS: f64 = 45.0;
 /// Pixels that a computed one may be as wide as.
 const COARSEST: u32 = 3;
+/// Time for updates between two pictures, if nobody says otherwise; where a picture takes longer, half of what it takes, so that the
+/// map gets its share of the device.
+const SLICE: Duration = Duration::from_millis(16);
 /// Measurements that are kept.
 const KEPT: usize = 4096;
 
@@ -123,6 +126,44 @@ impl Pace {
     }
 }
 
+/// Frames while something moves and the map is worked on.
+#[derive(Debug, Default, PartialEq, Serialize)]
+pub(super) struct Moving {
+    pub(super) frames: usize,
+    /// From the beginning of a frame to the beginning of the next.
+    pub(super) median_ms: f32,
+    pub(super) p99_ms: f32,
+    pub(super) most_ms: f32,
+    pub(super) updates_per_s: f32,
+    #[serde(skip)]
+    all_ms: Vec<f32>,
+    #[serde(skip)]
+    updates: u64,
+    /// Updates at the frame before, if that was one of these.
+    before: Option<u64>,
+}
+
+impl Moving {
+    /// A frame that began so long after the one before; `updates`: done so far, none if nothing moves or none are done.
+    pub(super) fn frame(&mut self, ms: f32, updates: Option<u64>) {
+        if let (Some(before), Some(now)) = (self.before, updates) {
+            self.all_ms.push(ms);
+            self.updates += now.saturating_sub(before);
+        }
+        self.before = updates;
+    }
+
+    /// What they came to.
+    pub(super) fn sum(mut self) -> Self {
+        (self.median_ms, self.p99_ms) = super::panels::frame_times(&self.all_ms);
+        let seconds = self.all_ms.iter().sum::<f32>() * 1e-3;
+        self.frames = self.all_ms.len();
+        self.most_ms = self.all_ms.iter().copied().fold(0.0, f32::max);
+        self.updates_per_s = self.updates as f32 / seconds.max(1e-3);
+        self
+    }
+}
+
 /// From how coarse frames are to be by now, how coarse those were that took `ms`.
 fn next(coarse: u32, drawn: u32, ms: f64) -> u32 {
     // Most of it goes with the number of pixels.
@@ -138,6 +179,11 @@ fn next(coarse: u32, drawn: u32, ms: f64) -> u32 {
         // Finer only with something to spare, so that it does not go back and forth.
         coarse.min(fits(0.6 * WANTED_MS))
     }
+}
+
+/// Time for updates between two pictures that take so long on the device. `asked`: what somebody wants.
+pub(super) fn slice(asked: Option<Duration>, picture: Duration) -> Duration {
+    asked.unwrap_or_else(|| SLICE.max(picture / 2))
 }
 
 /// From the end of a frame to a look at whether the next one may begin.
@@ -156,6 +202,14 @@ mod tests {
         assert_eq!(next(2, 2, 5.0), 1);
         assert_eq!(next(2, 2, 9.0), 2, "fine would take 36: little to spare");
         assert_eq!(next(2, 1, 150.0), 2, "a fine frame while nothing moved");
+    }
+
+    #[test]
+    fn slices_follow_what_pictures_take_unless_somebody_says_otherwise() {
+        let ms = Duration::from_millis;
+        assert_eq!(slice(None, ms(2)), ms(16));
+        assert_eq!(slice(None, ms(60)), ms(30));
+        assert_eq!(slice(Some(ms(4)), ms(60)), ms(4));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! From the map's sums to images that can be sampled: what is shown of the map between two of its updates.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -8,7 +9,7 @@ use super::reference::Reference;
 use super::shaders;
 use crate::bake::Baker;
 use crate::gpu::{
-    Address, Buffer, Format, Gpu, Image, ImageOptions, Memory, Pipeline, Result, Stage,
+    Address, Buffer, Format, Gpu, Image, ImageOptions, Memory, Pipeline, Result, Stage, Ticket,
 };
 use crate::lightmap::{Lightmap, Texel};
 
@@ -25,6 +26,9 @@ pub struct Pages {
     reference: Option<Arc<Reference>>,
     /// The reference in the same units.
     compared: Option<Arc<Image>>,
+    /// The last update, and what one takes on the device.
+    updating: Option<Ticket>,
+    cost: Duration,
 }
 
 /// What the display needs to know of the pages.
@@ -68,7 +72,18 @@ impl Pages {
             lux: 1.0,
             reference,
             compared: None,
+            updating: None,
+            cost: Duration::ZERO,
         })
+    }
+
+    /// What an update takes on the device, by those that have finished.
+    pub fn cost(&mut self) -> Result<Duration> {
+        if let Some(ticket) = self.updating.take_if(|t| t.is_done().unwrap_or(true)) {
+            ticket.wait()?;
+            self.cost = ticket.device_time().unwrap_or(self.cost);
+        }
+        Ok(self.cost)
     }
 
     /// What there is to show: another one after an update only if the number or size of pages has changed.
@@ -111,7 +126,7 @@ impl Pages {
             copy(cmd, staging, &self.image);
         });
         cmd.barrier(Stage::Transfer, Stage::All);
-        let _in_order = cmd.submit()?;
+        self.updating = Some(cmd.submit()?);
         Ok(())
     }
 

@@ -21,9 +21,11 @@ use crate::lightmap::Lightmap;
 use crate::scene::edit::Command;
 
 /// Share of the time that bringing the shown map up to date may take.
-const SHOWING: u32 = 6;
-/// Most lights of a submission.
-const MOST_LIGHTS: u32 = 32;
+const SHOWING: u32 = 10;
+/// Time for updates while nothing moves: what begins to move waits for no more than two of these.
+const IDLE_SLICE: Duration = Duration::from_millis(33);
+/// The map is shown no more often.
+const SHOWN: Duration = Duration::from_millis(100);
 /// Points of the convergence curve that are kept.
 const CURVE: usize = 4096;
 
@@ -76,17 +78,15 @@ struct Session<'a> {
     inbox: &'a Receiver<Request>,
     shared: &'a Shared,
     start: Instant,
-    slice: Duration,
+    /// What somebody wants.
+    slice: Option<Duration>,
     paused: bool,
     /// Updates to do although paused.
     single: u64,
-    /// Lights in a submission while the window is live.
-    batch: u32,
     frames: u64,
     /// The map has changed since the pages were brought up to date.
     stale: bool,
     updated: Instant,
-    update_cost: Duration,
     log: Vec<Command>,
     dragging: bool,
     overlays: Overlays,
@@ -123,11 +123,9 @@ impl<'a> Session<'a> {
             slice: setup.slice,
             paused: false,
             single: 0,
-            batch: 1,
             frames: 0,
             stale: true,
             updated: now,
-            update_cost: Duration::ZERO,
             log: Vec::new(),
             dragging: false,
             overlays: shared.state().overlays.clone(),
@@ -222,33 +220,42 @@ impl<'a> Session<'a> {
     fn step(&mut self) -> Result<(), ViewError> {
         let live = debug_span!("wait for a frame").in_scope(|| self.wait_for_frame());
         let _span = debug_span!("slice", live).entered();
-        self.baker.set_batch(live.then_some(self.batch));
-        let camera = self.shared.state().camera.clone();
-        self.baker.look_from(camera.as_ref());
-        let start = Instant::now();
-        let limit = if self.single > 0 {
-            Limit::Updates(1)
-        } else {
-            Limit::Time(self.slice)
+        let (camera, picture) = {
+            let state = self.shared.state();
+            (state.camera.clone(), state.picture)
         };
-        let progress = self.baker.step(limit)?;
-        self.single = self.single.saturating_sub(1);
-        if live {
-            self.baker.finish()?;
-            let took = start.elapsed();
-            if took > self.slice * 2 {
-                self.batch = (self.batch / 2).max(1);
-            } else if took < self.slice {
-                self.batch = (self.batch * 2).min(MOST_LIGHTS);
+        self.baker.look_from(camera.as_ref());
+        self.status.slice = super::pace::slice(self.slice, picture);
+        let mut time = self.status.slice;
+        if !live {
+            time = time.max(IDLE_SLICE);
+        }
+        // Brought up to date as often as its cost allows, once no update is halfway into it.
+        let cost = self.pages.cost()?;
+        if self.stale && self.updated.elapsed() > (cost * SHOWING).max(SHOWN) {
+            if !self.baker.is_whole() {
+                self.baker.step(Limit::Slice { time, whole: true })?;
+                time = self.baker.slice_left();
+            }
+            if self.baker.is_whole() {
+                self.refresh()?;
+                time = time.saturating_sub(cost);
+            }
+            if time < self.status.slice / 4 {
+                time = Duration::ZERO;
             }
         }
+        let limit = match self.single {
+            0 => Limit::Slice { time, whole: false },
+            _ => Limit::Updates(1),
+        };
+        let progress = self.baker.step(limit)?;
+        // A frame may have been sent while this was: then this is what the next one waits for.
+        self.frames = self.shared.state().frames;
+        self.single = self.single.saturating_sub(1);
         self.stale = true;
         self.status.updates += progress.updates;
         self.follow(progress);
-        // Brought up to date as often as its cost allows.
-        if self.updated.elapsed() > (self.update_cost * SHOWING).max(Duration::from_millis(30)) {
-            self.refresh()?;
-        }
         let (sketched, cost) = self.sketched;
         let pause = (cost * SHOWING).max(Duration::from_millis(100));
         if self.overlays.follow_updates() && sketched.elapsed() > pause {
@@ -270,7 +277,6 @@ impl<'a> Session<'a> {
                 .unwrap_or_else(|e| e.into_inner())
                 .0;
         }
-        self.frames = state.frames;
         state.live
     }
 
@@ -296,10 +302,8 @@ impl<'a> Session<'a> {
     /// Shows the map as it is.
     fn refresh(&mut self) -> Result<(), GpuError> {
         let _span = debug_span!("show map").entered();
-        let start = Instant::now();
         self.pages.update(&self.baker)?;
         self.updated = Instant::now();
-        self.update_cost = self.update_cost.max(self.updated - start);
         Ok(())
     }
 

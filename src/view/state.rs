@@ -5,7 +5,6 @@ mod act;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 use egui::{Rect, Sense};
 use glam::Mat4;
@@ -66,8 +65,6 @@ pub struct Viewer {
     pub help: bool,
     /// Panels are shown.
     pub panels: bool,
-    /// Milliseconds of updates per frame.
-    pub slice: f32,
     /// What is under the cursor, where false colours are shown: lux, or a relative error.
     pub probe: Option<f32>,
     /// Milliseconds of the last frames.
@@ -144,7 +141,7 @@ pub struct Outcome {
 
 impl Viewer {
     /// Looks at a scene from its first camera.
-    pub fn new(shown: &Shown, files: Files, slice: Duration) -> Self {
+    pub fn new(shown: &Shown, files: Files) -> Self {
         let size = shown.bounds().size().length().max(1e-2);
         Self {
             pose: super::headless::first_pose(&shown.scene),
@@ -163,7 +160,6 @@ impl Viewer {
             steps: [0.05, 5.0, 0.1],
             help: false,
             panels: true,
-            slice: slice.as_secs_f32() * 1e3,
             probe: None,
             frame_ms: Vec::new(),
             passes: Vec::new(),
@@ -289,7 +285,7 @@ impl Viewer {
                     return;
                 }
                 panels::marks(self, ui, shown, &clip);
-                let busy = self.manipulate(ui, shown);
+                let busy = self.manipulate(ui, &area, shown);
                 live |= busy;
                 if !busy && area.clicked() {
                     self.click(&area, shown, bvh, &clip);
@@ -351,8 +347,9 @@ impl Viewer {
         step.moves
     }
 
-    /// Draws and follows the handles of what is selected; whether they are dragged.
-    fn manipulate(&mut self, ui: &mut egui::Ui, shown: &Shown) -> bool {
+    /// Draws and follows the handles of what is selected; whether they are, or were until now, held.
+    fn manipulate(&mut self, ui: &egui::Ui, area: &egui::Response, shown: &Shown) -> bool {
+        let held = self.manipulator.is_dragging();
         let Some(node) = self.selection else {
             self.manipulator.rest();
             return false;
@@ -371,11 +368,11 @@ impl Viewer {
             steps: self.steps,
             pivot,
         };
-        if let Some((moved, first)) = self.manipulator.follow(ui, &settings, &place) {
+        if let Some((moved, first)) = self.manipulator.follow(ui, area, &settings, &place) {
             self.place = Some((node, moved));
             let edit = moved.edit(node, self.handle, pivot != glam::DVec3::ZERO);
             self.requests.push(Request::Drag(edit, first));
         }
-        self.manipulator.is_dragging()
+        held || self.manipulator.is_dragging()
     }
 }

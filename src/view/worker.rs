@@ -1,8 +1,8 @@
 //! The bake in a thread of its own: takes edits, works on the map in slices, and tells the window what is new.
 //!
 //! Frames and slices share the device's queue. While the window is live (the camera moves, something is dragged), one slice
-//! is done per frame and waited for, and the number of lights in a submission follows the slice's time, so that a frame
-//! never waits for more than about a slice. While nothing moves, the bake has the device for itself.
+//! is done per frame, and what it sends is what is expected to fit into its time, if need be a part of an update, so that a
+//! frame never waits for more than about a slice. While nothing moves, slice follows slice. The map is shown between updates.
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Sender, channel};
@@ -61,6 +61,8 @@ pub struct Status {
     pub progress: Option<Progress>,
     /// Updates in all.
     pub updates: u64,
+    /// Time for updates per frame.
+    pub slice: Duration,
     /// Updates in a second, lately.
     pub rate: f64,
     /// Seconds since the start, lumens that are wrong: the convergence curve.
@@ -88,10 +90,12 @@ pub(super) struct State {
     pub(super) sketch: Option<Arc<Sketch>>,
     /// Asked for; kept over a reload of the scene's file.
     pub(super) overlays: Overlays,
-    /// Frames drawn.
+    /// Frames sent to the device.
     pub(super) frames: u64,
     /// Where the last one was taken from.
     pub(super) camera: Option<Camera>,
+    /// What frames take on the device.
+    pub(super) picture: Duration,
     pub(super) live: bool,
     pub(super) closing: bool,
     /// Stages of the preparation that are under way.
@@ -150,8 +154,8 @@ pub struct Setup {
     pub job: Job,
     /// Where files that edits add are looked up.
     pub folder: PathBuf,
-    /// Time for updates per frame.
-    pub slice: Duration,
+    /// Time for updates per frame; none: as pictures take.
+    pub slice: Option<Duration>,
     /// What the light is held against.
     pub reference: Option<Arc<Reference>>,
 }
@@ -196,10 +200,6 @@ impl Worker {
 
     /// Asks for something. What is asked after the bake has failed is not done.
     pub fn send(&self, request: Request) {
-        if let Request::Live(live) = request {
-            self.shared.state().live = live;
-            self.shared.drawn.notify_all();
-        }
         if let Request::Overlays(overlays) = &request {
             self.shared.state().overlays = overlays.clone();
         }
@@ -219,9 +219,19 @@ impl Worker {
         }
     }
 
-    /// A frame was drawn, from here: a live bake does its next slice, what is seen first.
-    pub fn frame_drawn(&self, camera: Camera) {
+    /// Whether frames are drawn all the time.
+    pub fn set_live(&self, live: bool) {
+        let was = std::mem::replace(&mut self.shared.state().live, live);
+        if was != live {
+            self.shared.drawn.notify_all();
+            self.send(Request::Live(live));
+        }
+    }
+
+    /// A frame was sent to the device, from here: a live bake does its next slice, what is seen first. `took`: frames, on the device.
+    pub fn frame_sent(&self, camera: Camera, took: Duration) {
         let mut state = self.shared.state();
+        state.picture = took;
         state.frames += 1;
         state.camera = Some(camera);
         drop(state);

@@ -2,11 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Flight, Illumination, Pending, Queue, Sign};
+use super::allowance::{Allowance, Counts};
+use super::{Flight, Illumination, Pending, Sign};
 use crate::bake::accumulate::Batch;
 use crate::bake::records::{self, Region, Surroundings};
 use crate::bake::shadow::MAX_VIEWS;
 use crate::bake::shared::BATCH;
+use crate::bake::versions::Version;
 use crate::cluster::Shape;
 use crate::gpu::{Result, Stage};
 
@@ -21,25 +23,58 @@ const PATIENCE: u32 = 2;
 impl Illumination {
     pub(super) fn enter(&mut self, new: Pending) -> Result<()> {
         let queue = new.queue();
-        let most = self.batch_limit.unwrap_or(BATCH).max(1) as usize;
-        let pending = &self.queues[queue].pending;
-        let (views, elements) = pending.iter().chain([&new]).fold((0, 0), |sum, p| {
-            let (views, elements) = self.depth_maps(p);
-            (sum.0 + views, sum.1 + elements)
-        });
-        let fits = pending.is_empty()
-            || pending.len() < self.batch.min(most)
-                && views <= MAX_VIEWS
-                && elements <= self.shadow.elements();
-        if !fits {
-            self.send_queue(queue)?;
+        let waiting = &mut self.queues[queue].pending;
+        waiting.push(new);
+        let all = waiting.len();
+        // What is sent little by little waits here.
+        if self.allowance.is_none() {
+            let fitting = self.fitting(queue);
+            if fitting < all {
+                self.send_batch(queue, fitting)?;
+            }
         }
-        self.queues[queue].pending.push(new);
         Ok(())
+    }
+
+    /// From now on sends no more than what takes so long on the device, until the next call; with `whole`, begins no update.
+    /// What must wait is sent with what is allowed then. None: sends everything, as fast as it can.
+    pub(in crate::bake) fn allow(&mut self, time: Option<Duration>, whole: bool) {
+        self.allowance = time.map(|time| Allowance::new(time, whole));
+    }
+
+    /// What is left of that time.
+    pub(in crate::bake) fn left(&self) -> Duration {
+        self.allowance.map_or(Duration::ZERO, |a| a.left())
+    }
+
+    /// Whether lights wait that were taken in.
+    pub(in crate::bake) fn is_behind(&self) -> bool {
+        self.queues.iter().any(|q| !q.pending.is_empty())
+    }
+
+    /// Whether every update is in what has been sent wholly or not at all.
+    pub(in crate::bake) fn is_whole(&self) -> bool {
+        self.broken().is_none()
+    }
+
+    /// The queue that holds what is missing of updates that were begun.
+    fn broken(&self) -> Option<usize> {
+        let begun = |q: &usize| {
+            let first = self.queues[*q].pending.first();
+            first.is_some_and(|p| p.update <= self.touched)
+        };
+        [1, 0].into_iter().find(begun)
+    }
+
+    /// The oldest version that lights wait to be evaluated in.
+    pub(in crate::bake) fn oldest_waiting(&self) -> Option<Version> {
+        let waiting = self.queues.iter().flat_map(|q| &q.pending);
+        waiting.map(|p| p.version.min(p.other)).min()
     }
 
     /// Sends what is pending and waits for everything.
     pub fn flush(&mut self) -> Result<()> {
+        self.allowance = None;
         self.send()?;
         while !self.in_flight.is_empty() {
             self.retire()?;
@@ -61,22 +96,57 @@ impl Illumination {
         (versions * views, versions * pixels)
     }
 
-    /// Sends what is pending, without waiting for it.
-    pub fn send(&mut self) -> Result<()> {
-        // Direct light first.
-        self.send_queue(1)?;
-        self.send_queue(0)
+    /// How many of the first lights of a queue go into its next batch.
+    fn fitting(&self, queue: usize) -> usize {
+        let most = self.batch_limit.unwrap_or(BATCH).max(1) as usize;
+        let most = most.min(self.batch);
+        let (mut views, mut elements, mut kinds) = (0, 0, Counts::default());
+        let fits = |(before, p): &(usize, &Pending)| {
+            let needs = self.depth_maps(p);
+            (views, elements) = (views + needs.0, elements + needs.1);
+            kinds[p.kind()] += 1;
+            let allowed = |a: Allowance| {
+                a.holds(self.costs.of(&kinds), before + 1) && !(a.whole && p.update > self.touched)
+            };
+            self.allowance.is_none_or(allowed)
+                && (*before == 0
+                    || *before < most && views <= MAX_VIEWS && elements <= self.shadow.elements())
+        };
+        let pending = self.queues[queue].pending.iter().enumerate();
+        pending.take_while(fits).count()
     }
 
-    fn send_queue(&mut self, queue: usize) -> Result<()> {
-        if self.queues[queue].pending.is_empty() {
-            return Ok(());
+    /// Sends what is pending, or what is allowed of it, without waiting for it.
+    pub fn send(&mut self) -> Result<()> {
+        // What was begun, then direct light.
+        while let Some(queue) = self.broken().or_else(|| {
+            let waiting = |q: &usize| !self.queues[*q].pending.is_empty();
+            [1, 0].into_iter().find(waiting)
+        }) {
+            let lights = self.fitting(queue);
+            if lights == 0 {
+                break;
+            }
+            self.send_batch(queue, lights)?;
         }
+        Ok(())
+    }
+
+    /// Sends the first lights of a queue.
+    fn send_batch(&mut self, queue: usize, lights: usize) -> Result<()> {
         while self.in_flight.len() >= IN_FLIGHT {
             self.retire()?;
         }
         let soft = queue == 1;
-        let lights = self.queues[queue].pending.len();
+        let sending: Vec<Pending> = self.queues[queue].pending.drain(..lights).collect();
+        let mut kinds = Counts::default();
+        for pending in &sending {
+            kinds[pending.kind()] += 1;
+            self.touched = self.touched.max(pending.update);
+        }
+        if let Some(allowance) = &mut self.allowance {
+            allowance.take(self.costs.of(&kinds));
+        }
         let _span = tracing::debug_span!("record batch", lights, soft).entered();
         let mut views = Vec::new();
         let mut offset = 0;
@@ -84,7 +154,7 @@ impl Illumination {
         let mut lookups: Vec<Region> = Vec::new();
         let mut lights = Vec::new();
         let mut between = (0, 0, 0..0);
-        for pending in &self.queues[queue].pending {
+        for pending in &sending {
             let (a, b) = (
                 pending.version.min(pending.other),
                 pending.version.max(pending.other),
@@ -149,29 +219,34 @@ impl Illumination {
             ticket: cmd.submit()?,
             sent: Instant::now(),
             lights: sent,
+            kinds,
         });
         self.lights[queue] += sent[queue];
-        self.queues[queue] = Queue::default();
+        self.queues[queue].waited = 0;
         let other = 1 - queue;
         let waiting = &mut self.queues[other];
-        if !waiting.pending.is_empty() {
+        if self.allowance.is_none() && !waiting.pending.is_empty() {
             waiting.waited += 1;
             if waiting.waited >= PATIENCE {
-                return self.send_queue(other);
+                return self.send_batch(other, self.fitting(other));
             }
         }
         Ok(())
     }
 
-    /// Takes note of submissions that have finished; sends what is pending if the device has nothing to do.
+    /// Takes note of submissions that have finished; sends what is pending if the device has nothing to do, or if that is
+    /// allowed.
     pub(in crate::bake) fn poll(&mut self) -> Result<()> {
         while let Some(flight) = self.in_flight.front() {
             if !flight.ticket.is_done()? {
-                return Ok(());
+                break;
             }
             self.retire()?;
         }
-        self.send()
+        if self.in_flight.is_empty() || self.allowance.is_some() {
+            self.send()?;
+        }
+        Ok(())
     }
 
     /// Virtual lights taken in so far, subtractions included: sent, or about to be.
@@ -192,6 +267,9 @@ impl Illumination {
             return Ok(());
         };
         flight.ticket.wait()?;
+        if let Some(took) = flight.ticket.device_time() {
+            self.costs.learn(&flight.kinds, took);
+        }
         if self.gpu.info().kind == "CPU" {
             return Ok(());
         }

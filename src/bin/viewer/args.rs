@@ -16,9 +16,9 @@ pub struct Args {
     pub scene: options::Scene,
     #[command(flatten)]
     pub device: options::Device,
-    /// Milliseconds of work on the map between two pictures
-    #[arg(long, value_name = "MS", default_value_t = 16.0, value_parser = positive)]
-    pub frame_ms: f32,
+    /// Milliseconds of work on the map between two pictures [default: 16, or half of what a picture takes, where that is more]
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub frame_ms: Option<f32>,
     /// Width and height of pictures
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_parser = size)]
     pub size: Size,
@@ -54,8 +54,8 @@ pub struct Size(pub [u32; 2]);
 
 impl Args {
     /// [`Args::frame_ms`] as a time.
-    pub fn frame(&self) -> Duration {
-        Duration::from_secs_f32(self.frame_ms / 1e3)
+    pub fn frame(&self) -> Option<Duration> {
+        self.frame_ms.map(|ms| Duration::from_secs_f32(ms / 1e3))
     }
 }
 

@@ -76,7 +76,7 @@ fn run(args: &Args) -> anyhow::Result<()> {
     let mut baker = Baker::new(&gpu, scene, document, &job, &Silent)?;
     let options = HeadlessOptions {
         size: args.size.0,
-        frame: args.frame(),
+        frame: args.frame().unwrap_or(Duration::from_millis(16)),
         folder: folder.clone(),
         reference,
         jpeg: args.jpeg,

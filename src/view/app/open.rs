@@ -10,7 +10,7 @@ use winit::window::Window;
 
 use super::super::ViewError;
 use super::super::frames::Frames;
-use super::super::pace::POLL;
+use super::super::pace::{Moving, POLL};
 use super::super::reference::{self, Reference};
 use super::super::resolve::Pages;
 use super::super::shown::Shown;
@@ -51,6 +51,7 @@ pub(super) struct Open {
     pub(super) cost: Duration,
     live: bool,
     begun: Instant,
+    moving: Moving,
     /// From the start to the end of the first frame.
     first_picture: Option<Duration>,
     drawn: bool,
@@ -112,7 +113,7 @@ impl Open {
         )?);
         frames.show(&shown)?;
         let files = Files::new(options.scene.path.clone(), options.folder.clone());
-        let mut viewer = Viewer::new(&shown, files, options.slice);
+        let mut viewer = Viewer::new(&shown, files);
         viewer.has_reference = reference.is_some();
         let setup = Setup {
             gpu: gpu.clone(),
@@ -145,6 +146,7 @@ impl Open {
             gpu,
             window,
             begun,
+            moving: Moving::default(),
             first_picture: None,
             drawn: false,
             last: Instant::now(),
@@ -218,26 +220,20 @@ impl Open {
             &self.shown,
             self.bvh.as_ref(),
             &self.status,
+            &self.worker,
         );
         let drawn = match drawn {
             // The window was destroyed while it was drawn: nobody is left to see anything.
             Err(ViewError::Gpu(error)) if error.is_surface_lost() => return Ok(false),
             drawn => drawn?,
         };
-        for request in drawn.requests {
-            self.worker.send(request);
-        }
         let went_on = self.live && drawn.live;
-        if drawn.live != self.live {
-            self.live = drawn.live;
-            self.worker.send(Request::Live(self.live));
-        }
+        self.live = drawn.live;
         self.fine = drawn.fine.map(|after| Instant::now() + after);
         self.egui_wants = drawn.again.map(|after| Instant::now() + after);
         self.drawn |= drawn.shown;
         self.dirty |= !drawn.shown;
         if drawn.shown {
-            self.worker.frame_drawn(self.viewer.pose.camera());
             self.follow_times(begun, went_on);
         }
         self.title(options);
@@ -249,9 +245,14 @@ impl Open {
         let since = begun - self.last;
         self.last = begun;
         self.cost = begun.elapsed().max(self.frames.device_time());
+        let ms = since.as_secs_f32() * 1e3;
         if went_on {
-            self.viewer.frame_ms.push(since.as_secs_f32() * 1e3);
+            self.viewer.frame_ms.push(ms);
         }
+        let status = &self.status;
+        let updating = status.preparing.is_none() && !status.paused && !status.converged;
+        let updates = (self.live && updating).then_some(status.updates);
+        self.moving.frame(ms, updates);
         if self.viewer.frame_ms.len() > 4096 {
             self.viewer.frame_ms.drain(..2048);
         }
@@ -304,6 +305,7 @@ impl Open {
             status,
             begun,
             first_picture,
+            moving,
             ..
         } = self;
         let (photon, begun) = (frames.photon(), begun.elapsed().as_secs_f64());
@@ -317,6 +319,7 @@ impl Open {
                 "frames": viewer.frame_ms.len(),
                 "median_ms": median,
                 "p99_ms": worst,
+                "moving": moving.sum(),
                 "input_to_photon": photon,
                 "first_picture_s": first_picture.map(|t| t.as_secs_f64()),
                 "seconds": begun,

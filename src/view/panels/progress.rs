@@ -48,9 +48,10 @@ pub(super) fn progress(viewer: &mut Viewer, ui: &mut egui::Ui, status: &Status) 
     curve(ui, status);
     ui.horizontal(|ui| {
         ui.label("updates per frame");
-        let slider = egui::Slider::new(&mut viewer.slice, 1.0..=500.0).logarithmic(true);
+        let mut slice = status.slice.as_secs_f32() * 1e3;
+        let slider = egui::Slider::new(&mut slice, 1.0..=500.0).logarithmic(true);
         if ui.add(slider.suffix(" ms")).changed() {
-            let request = super::slice_of(viewer.slice);
+            let request = super::slice_of(slice);
             viewer.ask(request);
         }
     });

@@ -11,7 +11,11 @@ impl Session<'_> {
         let _span = debug_span!("answer").entered();
         match request {
             Request::Command(command) => self.command(command)?,
-            Request::Pause(paused) => self.paused = paused,
+            Request::Pause(paused) => {
+                self.paused = paused;
+                // No update stays halfway.
+                self.baker.finish()?;
+            }
             Request::Step => self.single += 1,
             Request::StartOver(compare) => {
                 if compare {
@@ -21,7 +25,7 @@ impl Session<'_> {
                 self.stale = true;
                 self.marked();
             }
-            Request::Slice(slice) => self.slice = slice,
+            Request::Slice(slice) => self.slice = Some(slice),
             Request::SaveBake(_) | Request::SaveHistory(_) | Request::SaveScene(_) => {
                 self.save(request);
             }
