@@ -232,7 +232,7 @@ mod tests {
         let cell = Arc::new(Selected {
             cell: CellId::Aperture { light: 0, path: 1 },
             lights,
-            joins: Vec::new(),
+            vpls: Vec::new(),
         });
         let mut brightness = Brightness::default();
         assert!(brightness.of(&cell).is_empty());

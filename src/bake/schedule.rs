@@ -1,7 +1,7 @@
 //! What to do next: the differences between what the map holds and what it should hold, cut into updates that keep every
 //! lumen counted once, the most visible first (IBGI section 4.4).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -114,8 +114,8 @@ const UNSURE: f64 = 0.1;
 /// most of what it lights is not.
 const RESHAPED: f64 = 0.1;
 
-/// Groups of cells to exchange, from held to wanted: cells that overlap go together, and so do neighbours that swapped VPLs
-/// over their border otherwise than before. Cells that are held as they are wanted are in no group.
+/// Groups of cells to exchange, from held to wanted: cells that overlap go together, and so do a cell that loses a VPL and its
+/// neighbour that gets it. Cells that are held as they are wanted are in no group.
 pub(super) fn exchanges(
     held: &BTreeMap<CellId, Held>,
     wanted: &BTreeMap<CellId, Arc<Selected>>,
@@ -142,17 +142,22 @@ pub(super) fn exchanges(
             }
         }
     }
-    let none: &[(CellId, u64)] = &[];
-    for cell in leaving.union(&coming) {
-        let old = held.get(cell).map_or(none, |h| &h.selected.joins);
-        let new = wanted.get(cell).map_or(none, |w| &w.joins);
-        let differ = |a: &[(CellId, u64)], b: &[(CellId, u64)]| {
-            let a = a.iter().filter(|j| !b.contains(j));
-            a.map(|j| j.0).collect::<Vec<_>>()
-        };
-        for other in differ(old, new).into_iter().chain(differ(new, old)) {
-            if leaving.contains(&other) || coming.contains(&other) {
-                groups.join(*cell, other);
+    // Who had the VPLs that a cell loses, and who gets them.
+    let none: &[u64] = &[];
+    let of = |cell: &CellId| {
+        let old = held.get(cell).map_or(none, |h| &h.selected.vpls);
+        (old, wanted.get(cell).map_or(none, |w| &w.vpls))
+    };
+    let mut had: HashMap<u64, CellId> = HashMap::new();
+    for cell in &leaving {
+        let (old, new) = of(cell);
+        had.extend(without(old, new).map(|vpl| (vpl, *cell)));
+    }
+    for cell in &coming {
+        let (old, new) = of(cell);
+        for vpl in without(new, old) {
+            if let Some(from) = had.get(&vpl) {
+                groups.join(*cell, *from);
             }
         }
     }
@@ -164,6 +169,15 @@ pub(super) fn exchanges(
         out.entry(groups.root(*cell)).or_default().1.push(*cell);
     }
     out.into_values().collect()
+}
+
+/// Numbers of one ascending list that are not in another.
+fn without<'a>(list: &'a [u64], other: &'a [u64]) -> impl Iterator<Item = u64> + 'a {
+    let mut others = other.iter().peekable();
+    list.iter().copied().filter(move |number| {
+        while others.next_if(|other| *other < number).is_some() {}
+        others.peek() != Some(&number)
+    })
 }
 
 /// Disjoint sets of cells.

@@ -5,10 +5,9 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use rayon::prelude::*;
 
-use super::CellId;
 use super::cell::{Cell, Place};
 use super::similarity::{Groups, SimilaritySettings};
-use crate::transport::{Vpl, VplKey};
+use crate::transport::Vpl;
 
 /// How near to the face a VPL must be, in sizes of the cell behind it.
 const REACH: f32 = 0.1;
@@ -37,29 +36,27 @@ impl Border {
             .map(|(_, vpl)| vpl)
     }
 
-    /// For each cell with which VPLs were exchanged, a fingerprint of their keys: the same on both sides.
-    pub fn joins(&self, groups: &Groups) -> Vec<(CellId, u64)> {
-        let mut crossed: BTreeMap<Cell, [Vec<VplKey>; 2]> = BTreeMap::new();
-        for (other, indices) in &self.to {
-            let keys = indices.iter().map(|&i| groups.vpls[i as usize].key);
-            crossed.entry(*other).or_default()[0].extend(keys);
-        }
-        for (other, vpls) in &self.from {
-            let keys = vpls.iter().map(|(_, v)| v.key);
-            crossed.entry(*other).or_default()[1].extend(keys);
-        }
-        let fingerprint = |(other, [to, from]): (Cell, [Vec<VplKey>; 2])| {
-            let mut hasher = DefaultHasher::new();
-            let in_order = if groups.cell < other {
-                [to, from]
-            } else {
-                [from, to]
-            };
-            in_order.hash(&mut hasher);
-            (CellId::Octree(other), hasher.finish())
-        };
-        crossed.into_iter().map(fingerprint).collect()
+    /// Fingerprints of the VPLs that are a cell's after the border step, ascending. A path's VPL that moved is another.
+    pub fn holds(&self, groups: &Groups) -> Vec<u64> {
+        let left = self.left();
+        let own = (0..).zip(&groups.vpls);
+        let stays = own.filter(|(i, _)| left.binary_search(i).is_err());
+        let joined = self.from.values().flatten().map(|(_, vpl)| vpl);
+        let mut all: Vec<u64> = stays
+            .map(|(_, vpl)| vpl)
+            .chain(joined)
+            .map(fingerprint)
+            .collect();
+        all.sort_unstable();
+        all
     }
+}
+
+fn fingerprint(vpl: &Vpl) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    vpl.key.hash(&mut hasher);
+    vpl.position.to_array().map(f32::to_bits).hash(&mut hasher);
+    hasher.finish()
 }
 
 /// A VPL that belongs to no plane of its cell, and what lies beyond the face that is nearest to it.
@@ -161,7 +158,7 @@ pub fn join(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::Scatter;
+    use crate::transport::{Scatter, VplKey};
     use crate::transport::sampling::Sequence;
     use glam::Vec3;
 
@@ -216,9 +213,9 @@ mod tests {
             [60]
         );
         assert_eq!(joined[&beside].1.left(), [0]);
-        let joins = |c: &Cell| joined[c].1.joins(&joined[c].0);
-        assert_eq!(joins(&cell)[0].0, CellId::Octree(beside));
-        assert_eq!(joins(&beside)[0].0, CellId::Octree(cell));
-        assert_eq!(joins(&cell)[0].1, joins(&beside)[0].1);
+        let holds = |c: &Cell| joined[c].1.holds(&joined[c].0).len();
+        assert_eq!([holds(&cell), holds(&beside)], [61, 2]);
+        let crossed = fingerprint(&joined[&beside].0.vpls[0]);
+        assert!(joined[&cell].1.holds(&joined[&cell].0).contains(&crossed));
     }
 }

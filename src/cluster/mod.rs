@@ -115,9 +115,9 @@ pub struct Selected {
     pub cell: CellId,
     /// Its virtual lights; none if its VPLs joined a neighbour's polygon.
     pub lights: Vec<VirtualLight>,
-    /// The cells that it exchanged VPLs with in the border step, each with a fingerprint of which these were. As long as
-    /// both sides of every join have the same fingerprint, no VPL's flux is missing or counted twice.
-    pub joins: Vec<(CellId, u64)>,
+    /// Fingerprints of the VPLs that its lights stand for, ascending: those of its places but for what left them in the border
+    /// step, and what came instead. Where cells are exchanged for others, each VPL's flux goes from one to another at once.
+    pub vpls: Vec<u64>,
 }
 
 /// All light of a scene, direct and bounced, in trees that can be cut at any level of detail.
@@ -172,7 +172,7 @@ impl Clusters {
         Selected {
             cell,
             lights,
-            joins: Vec::new(),
+            vpls: Vec::new(),
         }
     }
 
@@ -181,7 +181,7 @@ impl Clusters {
         Selected {
             cell: CellId::Octree(groups.cell),
             lights: groups.lights(border, self.octree.scale(), &self.settings),
-            joins: border.joins(groups),
+            vpls: border.holds(groups),
         }
     }
 

@@ -50,7 +50,7 @@ impl Wanted {
     }
 
     /// Follows the clusters, which must be those of the last update, changed by [`Clusters::apply`]. Returns the cells that
-    /// came, went or have other lights or joins than before, in order.
+    /// came, went or have other lights or VPLs than before, in order.
     pub fn update(&mut self, clusters: &Clusters, budget: Budget) -> BTreeSet<CellId> {
         let cut = clusters.select(budget);
         self.error = cut.error;

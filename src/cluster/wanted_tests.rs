@@ -32,16 +32,23 @@ fn from_nothing(clusters: &Clusters, budget: Budget) -> BTreeMap<CellId, Arc<Sel
         .collect()
 }
 
-/// Both sides of every join have the same fingerprint.
-fn check_joins(cells: &BTreeMap<CellId, Arc<Selected>>) -> usize {
-    let mut joins = 0;
-    for (id, selected) in cells {
-        for (other, fingerprint) in &selected.joins {
-            assert!(cells[other].joins.contains(&(*id, *fingerprint)));
-            joins += 1;
-        }
+/// Every VPL is in one cell: as many as there are, none twice. Returns how many crossed a border.
+fn check_vpls(clusters: &Clusters, cells: &BTreeMap<CellId, Arc<Selected>>) -> usize {
+    let mut all: Vec<u64> = cells.values().flat_map(|s| s.vpls.clone()).collect();
+    all.sort_unstable();
+    all.dedup();
+    let held: usize = cells.values().map(|s| s.vpls.len()).sum();
+    let octree = cells.keys().filter_map(|id| match id {
+        CellId::Octree(cell) => clusters.octree.node(cell).map(|n| (id, n.vpls().len())),
+        CellId::Aperture { .. } => None,
+    });
+    let (mut own, mut came) = (0, 0);
+    for (id, vpls) in octree {
+        own += vpls;
+        came += cells[id].vpls.len().saturating_sub(vpls);
     }
-    joins
+    assert_eq!((all.len(), held), (own, own));
+    came
 }
 
 proptest! {
@@ -85,7 +92,7 @@ proptest! {
                 let differ = ids.into_iter().filter(|c| known.get(c) != expected.get(c));
                 prop_assert_eq!(changed, differ.collect::<BTreeSet<_>>());
                 known = expected;
-                check_joins(&known);
+                check_vpls(&clusters, &known);
             }
         }
     }
@@ -162,6 +169,6 @@ fn what_crosses_a_border_depends_on_the_cells_beside_it_alone() {
     }
     let crossed: usize = all.values().map(|(_, b)| b.left().len()).sum();
     assert!(crossed > 20, "{crossed}");
-    let clusters = from_nothing(&clusters, Budget::Cells(150));
-    assert!(check_joins(&clusters) > 10);
+    let cells = from_nothing(&clusters, Budget::Cells(150));
+    assert!(check_vpls(&clusters, &cells) > 10);
 }

@@ -24,11 +24,11 @@ fn cell(path: u64) -> CellId {
     CellId::Aperture { light: 0, path }
 }
 
-fn selected(path: u64, lights: Vec<VirtualLight>, joins: &[(u64, u64)]) -> Arc<Selected> {
+fn selected(path: u64, lights: Vec<VirtualLight>, vpls: &[u64]) -> Arc<Selected> {
     Arc::new(Selected {
         cell: cell(path),
         lights,
-        joins: joins.iter().map(|(p, print)| (cell(*p), *print)).collect(),
+        vpls: vpls.to_vec(),
     })
 }
 
@@ -63,19 +63,21 @@ fn cells_that_overlap_or_swapped_vpls_are_exchanged_together_and_others_apart() 
         // Merged, from 0b1100 and 0b1101.
         selected(0b1100, vec![light(1.0, 1.0)], &[]),
         selected(0b1101, vec![light(1.1, 1.0)], &[]),
-        // Two that swapped VPLs, and swap others now.
-        selected(0b11100, vec![light(2.0, 1.0)], &[(0b11110, 1)]),
-        selected(0b11110, vec![light(2.1, 1.0)], &[(0b11100, 1)]),
+        // The first has VPLs that the second gets; others go and come there and in the third.
+        selected(0b11100, vec![light(2.0, 1.0)], &[1, 2, 3, 9]),
+        selected(0b11110, vec![light(2.1, 1.0)], &[4, 5]),
+        selected(0b11101, vec![light(2.2, 1.0)], &[6, 7]),
         // One that stays.
-        selected(0b11111, vec![light(3.0, 1.0)], &[]),
+        selected(0b11111, vec![light(3.0, 1.0)], &[8]),
     ];
     let new = [
         selected(0b100, vec![light(0.0, 1.0)], &[]),
         selected(0b101, vec![light(0.1, 1.0)], &[]),
         selected(0b110, vec![light(1.05, 2.0)], &[]),
-        selected(0b11100, vec![light(2.0, 1.5)], &[(0b11110, 2)]),
-        selected(0b11110, vec![light(2.1, 0.5)], &[(0b11100, 2)]),
-        selected(0b11111, vec![light(3.0, 1.0)], &[]),
+        selected(0b11100, vec![light(2.0, 0.5)], &[1, 2]),
+        selected(0b11110, vec![light(2.1, 1.5)], &[3, 5, 11]),
+        selected(0b11101, vec![light(2.2, 0.9)], &[7, 10]),
+        selected(0b11111, vec![light(3.0, 1.0)], &[8]),
     ];
     let groups = exchanges(&held(&old), &all(&new), parent);
     let cells = |paths: &[u64]| paths.iter().map(|p| cell(*p)).collect::<Vec<_>>();
@@ -83,6 +85,7 @@ fn cells_that_overlap_or_swapped_vpls_are_exchanged_together_and_others_apart() 
         (cells(&[0b10]), cells(&[0b100, 0b101])),
         (cells(&[0b1100, 0b1101]), cells(&[0b110])),
         (cells(&[0b11100, 0b11110]), cells(&[0b11100, 0b11110])),
+        (cells(&[0b11101]), cells(&[0b11101])),
     ]
     .into();
     assert_eq!(groups.len(), expected.len());
