@@ -98,8 +98,8 @@ const float LIFTED = 0.6, PUSHED = 2.2;
 const float SLACK = 1.01;
 
 // Whether no receiver of the tile sees the light: everything that its lookups can find lies before the receivers' planes.
-// `lowest`: of the tile above the emitter's plane.
-bool occluded(uint view, uint tile, vec3 center, vec3 extent, vec3 axis, float lowest) {
+// `lowest`: of the tile above the emitter's plane. `part`: what lies beside what the view was asked for need not be seen.
+bool occluded(uint view, uint tile, vec3 center, vec3 extent, vec3 axis, float lowest, bool part) {
     float face_cos = tiles.at[tile].face_cos;
     vec3 offset = center - views.at[view].origin;
     float size = float(views.at[view].size);
@@ -123,7 +123,7 @@ bool occluded(uint view, uint tile, vec3 center, vec3 extent, vec3 axis, float l
     Face f = face_axes(face, x, y, z);
     vec3 middle = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
     vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent)) + moved;
-    return least > 0.0 && face_cos > 0.0 && covered(blocks, view, face, views.at[view].asked[face], middle, half_size, SLACK / max(plane, 1e-6), true);
+    return least > 0.0 && face_cos > 0.0 && covered(blocks, view, face, part ? views.at[view].asked[face] : EVERYTHING, middle, half_size, SLACK / max(plane, 1e-6), true);
 }
 
 // An outline that dips below a horizon by no more than this angle need not be cut: what is lost is its square.
@@ -192,9 +192,11 @@ void list(uint tile, uint reaching) {
         uint version = lights.at[i].version, other = lights.at[i].other;
         uint view = lights.at[i].view;
         uint rounds = asked ? (version == other ? 1 : 2) : 0;
+        // Where one tile takes another's place, what the one adds beside what was asked for, the other has to take away.
+        bool part = stands(instance, version) && stands(instance, other);
         // The version that it comes in, then that which it goes from.
         for (uint k = 0; k < rounds; ++k) {
-            if (stands(instance, version) && !occluded(view, tile, center, extent, axis, lowest)) seen = true;
+            if (stands(instance, version) && !occluded(view, tile, center, extent, axis, lowest, part)) seen = true;
             version = other;
             view = lights.at[i].other_view;
         }

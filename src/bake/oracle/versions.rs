@@ -8,7 +8,7 @@ use glam::{Affine3A, Quat, Vec3};
 use super::super::update::{Illumination, Sign};
 use super::super::versions::{Boxes, Version};
 use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels};
-use crate::cluster::VirtualLight;
+use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::Gpu;
 use crate::lightmap::texels::Texels;
 use crate::lightmap::{Clearance, Texel};
@@ -254,4 +254,78 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         assert_eq!(wrong, 0, "of {} sums, seed {seed}", sums.len());
     }
     assert!(all_reused > 0, "no tile was ever another object's");
+}
+
+/// What stands near one end of a tile changes. All that a difference asks for is hidden there, by as much as the old receivers
+/// need but not the new ones; the other end, beside that, is lit in both versions.
+#[test]
+fn a_tile_takes_the_place_of_another_beside_what_was_asked_for_too() {
+    let gpu = gpu();
+    let at = |x: f32, y: f32| Vec3::new(x, y, 1.0);
+    let [a, b, c, d] = [
+        at(-1.0, -0.06),
+        at(0.13, -0.06),
+        at(0.13, 0.06),
+        at(-1.0, 0.06),
+    ];
+    let scene = Scene::of_triangles(&[[a, b, c], [a, c, d]]);
+    let list: Vec<Texel> = (0..Texel::TILE)
+        .map(|i| {
+            let [column, row] = [i % 8, i / 8].map(|k| k as f32 / 3.5 - 1.0);
+            Texel {
+                position: [0.6 * column, 0.08 * row, 2.0],
+                object: 0,
+                normal: [0.0, 0.0, -1.0],
+                face: [0.0, 0.0, -1.0],
+                pixel: 0,
+            }
+        })
+        .collect();
+    let mut texels = Texels {
+        tiles: std::iter::once(0..1).collect(),
+        count: list.len() as u32,
+        clearances: vec![Clearance::OPEN; list.len()],
+        list,
+        ..Texels::default()
+    };
+    let light = VirtualLight {
+        shape: Shape::Disk { area: 0.01 },
+        position: Vec3::ZERO,
+        normal: Vec3::Z,
+        flux: Vec3::ONE,
+        direct: false,
+    };
+    let lit = |texels: &Texels| {
+        let mut map = start(&gpu, &scene, texels);
+        map.set_occlusion(true);
+        map.push(light.clone(), Sign::Add, 0).expect("add");
+        map
+    };
+    let mut map = lit(&texels);
+    let mut near = Bounds::EMPTY;
+    for (texel, clearance) in texels.list.iter().zip(&mut texels.clearances) {
+        if texel.position[0] < -0.4 {
+            near = near.with(Vec3::from(texel.position));
+            *clearance = Clearance {
+                push: [0.0, 1.0, 0.0],
+                near: 0.0,
+                way: 0.1,
+                room: 1e30,
+            };
+        }
+    }
+    let boxes = Boxes {
+        occluders: Vec::new(),
+        lookups: vec![near],
+    };
+    let version = map
+        .change(&scene, &texels, &[], &[], &[0], boxes)
+        .expect("a change");
+    assert!(
+        map.push_difference(&light, 0, version).expect("update"),
+        "the light misses what changed"
+    );
+    let sums = map.sums().expect("read-back");
+    assert!(sums.iter().any(|s| *s != 0), "nothing is lit");
+    assert!(sums == lit(&texels).sums().expect("read-back"));
 }
