@@ -184,7 +184,8 @@ def main():
                 shutil.copyfile(os.path.join(out, "convergence.png"), os.path.join(arguments.plots, name + ".png"))
             response.append(row(name, *result))
             updates.append(row_of_updates(name, *result))
-            print(f"{name}: done", file=sys.stderr)
+            # Should a later script fail, this is known.
+            print(f"{name}: " + "; ".join(f"{what} {value}" for what, value in zip(HEAD[1:], response[-1][1:])), file=sys.stderr)
     table(HEAD, response)
     table(HEAD_OF_UPDATES, updates)
 
