@@ -10,7 +10,7 @@ pub(super) struct Plan {
     /// Of direct light, which needs no path to be known, and of all other.
     validation: [Queue; 2],
     balancing: Queue,
-    /// Work that validation may do before it is balancing's turn (eq. 2).
+    /// Work that balancing may do by now (eq. 2): it waits until that is as much as its next update takes.
     owed: f64,
 }
 
@@ -18,8 +18,18 @@ pub(super) struct Plan {
 #[derive(Clone, Debug, Default)]
 struct Queue {
     updates: Vec<Update>,
-    /// Lumens that are wrong in the updates up to each: what is left is asked for after every update.
-    wrong: Vec<f64>,
+    /// What is known of the updates up to each: of what is left it is asked for after every update.
+    left: Vec<Left>,
+}
+
+/// Of some updates.
+#[derive(Clone, Copy, Debug, Default)]
+struct Left {
+    /// Lumens that are wrong.
+    wrong: f64,
+    /// The most of these in one update, and what share that is of its cells' flux.
+    most: f64,
+    invalid: f64,
 }
 
 impl Queue {
@@ -27,21 +37,28 @@ impl Queue {
     fn new(mut updates: Vec<Update>) -> Self {
         updates.reverse();
         updates.sort_by(|a, b| a.worth().total_cmp(&b.worth()));
-        let sum = |sum: &mut f64, update: &Update| {
-            *sum += update.gain;
-            Some(*sum)
+        let with = |left: &mut Left, update: &Update| {
+            left.wrong += update.gain;
+            if update.gain >= left.most {
+                (left.most, left.invalid) = (update.gain, update.invalid);
+            }
+            Some(*left)
         };
-        let wrong = updates.iter().scan(0.0, sum).collect();
-        Self { updates, wrong }
+        let left = updates.iter().scan(Left::default(), with).collect();
+        Self { updates, left }
     }
 
     fn pop(&mut self) -> Option<Update> {
-        self.wrong.pop();
+        self.left.pop();
         self.updates.pop()
     }
 
     fn next(&self) -> Option<&Update> {
         self.updates.last()
+    }
+
+    fn left(&self) -> Left {
+        self.left.last().copied().unwrap_or_default()
     }
 }
 
@@ -75,19 +92,24 @@ impl Plan {
     /// The next update by the ratio rule (eq. 2): from validation alone, where much is invalid, to turns. `t`: the share of
     /// invalid flux at which both take turns.
     pub(super) fn next(&mut self, t: f64) -> Option<Update> {
-        let validation = &mut self.validation[self.first()];
-        let (Some(next), Some(_)) = (validation.next(), self.balancing.next()) else {
-            return validation.pop().or_else(|| self.balancing.pop());
+        let first = self.first();
+        let (Some(next), Some(other)) = (self.validation[first].next(), self.balancing.next())
+        else {
+            return self.validation[first]
+                .pop()
+                .or_else(|| self.balancing.pop());
         };
+        // Of the update with the most invalid flux: where that is the order, too, it is the next one (IBGI section 4.4).
+        let [a, b] = self.validation.each_ref().map(Queue::left);
+        let most = if a.most < b.most { b } else { a };
         // Shares of the work, not of the number of updates: those of balancing are the larger ones by far.
-        let ratio = ratio(next.invalid, t);
-        if self.owed >= 0.0 {
-            self.owed -= (1.0 - ratio) * next.cost;
-            validation.pop()
+        let ratio = ratio(most.invalid, t);
+        if self.owed < ratio * other.cost {
+            self.owed += (1.0 - ratio) * next.cost;
+            self.validation[first].pop()
         } else {
-            let update = self.balancing.pop()?;
-            self.owed += ratio * update.cost;
-            Some(update)
+            self.owed -= ratio * other.cost;
+            self.balancing.pop()
         }
     }
 
@@ -116,8 +138,7 @@ impl Plan {
 
     /// Lumens that are wrong, estimated.
     pub(super) fn invalid_flux(&self) -> f64 {
-        let left = self.validation.iter().filter_map(|q| q.wrong.last());
-        left.sum()
+        self.validation.iter().map(|q| q.left().wrong).sum()
     }
 
     /// The same by cell; cells that are exchanged together share it.

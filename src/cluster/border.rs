@@ -158,8 +158,8 @@ pub fn join(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::{Scatter, VplKey};
     use crate::transport::sampling::Sequence;
+    use crate::transport::{Scatter, VplKey};
     use glam::Vec3;
 
     fn floor_vpl(path: u32, position: Vec3) -> Vpl {

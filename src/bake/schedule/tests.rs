@@ -172,6 +172,29 @@ fn validation_and_balancing_share_the_work_by_what_is_invalid() {
     assert!(between > 0.6 && between < 0.9, "{between}");
 }
 
+#[test]
+fn balancing_waits_for_its_share_and_for_what_is_most_wrong() {
+    let share = |cost: f64| update(Kind::Balancing, 0, 1.0, cost, 0.0);
+    let few = |i| update(Kind::Validation, i, 2.0, 1.0, 0.1);
+    let turn = |updates: Vec<Update>| {
+        let mut plan = Plan::new(updates, 0.0);
+        let done = std::iter::from_fn(|| plan.next(0.1));
+        let kinds: Vec<_> = done.map(|u| u.kind).collect();
+        kinds.iter().position(|k| *k == Kind::Balancing)
+    };
+    // As much work of both: the one that is long comes when the other has done as much.
+    assert_eq!(
+        turn((1..40).map(few).chain([share(10.0)]).collect()),
+        Some(10)
+    );
+    // Far more lumens are wrong in an update that is dear, and so comes last.
+    let dear = update(Kind::Validation, 50, 30.0, 1e4, 1.0);
+    assert_eq!(
+        turn((1..40).map(few).chain([share(10.0), dear]).collect()),
+        Some(40)
+    );
+}
+
 /// A light that moved a little shows less than one that moved far, and one that shines into a corner more than another.
 #[test]
 fn an_exchange_shows_what_its_lights_do_not_share() {
