@@ -10,6 +10,7 @@ mod edges;
 mod error;
 pub mod export;
 pub mod exr;
+mod flat;
 mod glb;
 mod grow;
 pub(crate) mod pool;

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::{UVec2, Vec2, Vec3};
 
 use super::edges::{shared_edges, weld};
+use super::flat::project;
 use super::{PADDING, UvLayout, UvVertex};
 use crate::scene::Mesh;
 
@@ -15,6 +16,8 @@ const HARD_EDGE_COS: f32 = 0.866;
 const MAX_CHART_ANGLE: f32 = 65.0;
 /// The same where the whole mesh has fewer texels than triangles: nobody sees a seam there, and flat charts are quick.
 const MAX_CHART_ANGLE_TINY: f32 = 40.0;
+/// Texels a triangle below which charts are projected, not unrolled.
+const FEW_TEXELS: f64 = 0.125;
 /// Up to this many triangles, charts are nested by their shapes, which fills about a tenth more of the rectangle; packing
 /// thousands of charts that way takes seconds.
 const NEST_UP_TO: usize = 4096;
@@ -39,6 +42,10 @@ pub(crate) fn unwrap(
     let seams = hard_edges(mesh, &triangles);
     let area: f64 = triangles.iter().map(|t| triangle_area(positions, t)).sum();
     let texels = area * f64::from(density) * f64::from(density);
+    if texels < FEW_TEXELS * triangles.len() as f64 {
+        let flat = project(mesh, positions, &triangles, &seams);
+        return repack(mesh, positions, &flat, &[], density, limit);
+    }
     let points: Vec<[f32; 3]> = positions.iter().map(|p| p.to_array()).collect();
     let input = uvunwrap::MeshInput {
         seams: Some(&seams),
