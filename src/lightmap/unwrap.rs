@@ -16,8 +16,10 @@ const HARD_EDGE_COS: f32 = 0.866;
 const MAX_CHART_ANGLE: f32 = 65.0;
 /// The same where the whole mesh has fewer texels than triangles: nobody sees a seam there, and flat charts are quick.
 const MAX_CHART_ANGLE_TINY: f32 = 40.0;
-/// Texels a triangle below which charts are projected, not unrolled.
+/// Texels a triangle below which charts of a mesh of [`MANY_TRIANGLES`] are projected, not unrolled.
 const FEW_TEXELS: f64 = 0.125;
+/// Fewer are unrolled in no time.
+const MANY_TRIANGLES: usize = 8192;
 /// Up to this many triangles, charts are nested by their shapes, which fills about a tenth more of the rectangle; packing
 /// thousands of charts that way takes seconds.
 const NEST_UP_TO: usize = 4096;
@@ -42,7 +44,7 @@ pub(crate) fn unwrap(
     let seams = hard_edges(mesh, &triangles);
     let area: f64 = triangles.iter().map(|t| triangle_area(positions, t)).sum();
     let texels = area * f64::from(density) * f64::from(density);
-    if texels < FEW_TEXELS * triangles.len() as f64 {
+    if triangles.len() >= MANY_TRIANGLES && texels < FEW_TEXELS * triangles.len() as f64 {
         let flat = project(mesh, positions, &triangles, &seams);
         return repack(mesh, positions, &flat, &[], density, limit);
     }
