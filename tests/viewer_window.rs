@@ -46,14 +46,14 @@ fn what_is_dragged_and_dimmed_and_undone_is_saved_as_it_was() {
     let folder = tempfile::tempdir().expect("a folder");
     let stats = folder.path().join("stats.json");
     // Pictures for people are finer.
-    let texels = match std::env::var_os("REBAKE_PICTURES") {
-        Some(_) => "64k",
-        None => "8k",
+    let [texels, quality] = match std::env::var_os("REBAKE_PICTURES") {
+        Some(_) => ["256k", "preview"],
+        None => ["8k", "draft"],
     };
     let trace = folder.path().join("trace.json");
     let [to_stats, to_trace] = [&stats, &trace].map(|path| path.to_str().expect("ASCII"));
     let more = ["--texels", texels, "--stats", to_stats, "--trace", to_trace];
-    let viewer = Viewer::open(&display, folder.path(), &more);
+    let viewer = Viewer::open_at(&display, folder.path(), quality, &more);
     viewer.wait_converged(&display);
     let save = || {
         let _none_before = std::fs::remove_file(folder.path().join("cornell-bake/bake.json"));
@@ -212,7 +212,7 @@ fn closing_waits_for_no_charts() {
     let display = Display::new();
     let folder = tempfile::tempdir().expect("a folder");
     let scene = crumpled(folder.path());
-    let viewer = Viewer::open_scene(&display, &scene, folder.path(), &[]);
+    let viewer = Viewer::open_scene(&display, &scene, folder.path(), "draft", &[]);
     // By now charts are looked for: it takes a minute.
     std::thread::sleep(Duration::from_secs(3));
     let title = viewer.title(&display);

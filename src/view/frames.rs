@@ -11,6 +11,7 @@ use winit::event::WindowEvent;
 use winit::window::Window;
 
 use super::display::Display;
+use super::input::after_click;
 use super::look::Look;
 use super::pace::{Pace, Photon};
 use super::painter::Painter;
@@ -33,6 +34,8 @@ pub(super) struct Frames {
     swapchain: Swapchain,
     /// Changes of panel textures that no frame has taken in yet.
     textures: egui::TexturesDelta,
+    /// Input for the next frame.
+    later: Vec<egui::Event>,
     /// The window's, pixels.
     size: [u32; 2],
     start: Instant,
@@ -40,10 +43,10 @@ pub(super) struct Frames {
     passes_at: Instant,
     passes_before: Vec<crate::gpu::Timing>,
     screenshots: u32,
-    /// Of pictures, lately.
-    device_time: Duration,
-    /// The last picture.
-    picture: Option<Ticket>,
+    /// Of pictures, lately: of those at rest, and of those while something moves.
+    device_time: [Duration; 2],
+    /// The last picture, and whether something moved.
+    picture: Option<(Ticket, bool)>,
     pace: Pace,
     /// How coarse the last frame was.
     coarse: u32,
@@ -89,13 +92,14 @@ impl Frames {
             egui,
             events,
             textures: egui::TexturesDelta::default(),
+            later: Vec::new(),
             size,
             start: now,
             last: now,
             passes_at: now,
             passes_before: Vec::new(),
             screenshots: 0,
-            device_time: Duration::ZERO,
+            device_time: [Duration::ZERO; 2],
             picture: None,
             pace: Pace::default(),
             coarse: 1,
@@ -143,9 +147,9 @@ impl Frames {
         self.egui.input(|i| i.time)
     }
 
-    /// Device time of a frame, lately.
+    /// Device time of a frame at rest, lately.
     pub(super) fn device_time(&self) -> Duration {
-        self.device_time
+        self.device_time[0]
     }
 
     pub(super) fn show(&mut self, shown: &Arc<Shown>) -> Result<(), ViewError> {
@@ -181,6 +185,10 @@ impl Frames {
             .get(&ViewportId::ROOT)
             .map(|v| v.repaint_delay)
             .filter(|d| *d < Duration::from_secs(3600));
+        let again = match self.later.is_empty() {
+            true => again,
+            false => Some(Duration::ZERO),
+        };
         let mut drawn = Drawn {
             live: outcome.live,
             quit: outcome.quit,
@@ -245,7 +253,7 @@ impl Frames {
             cmd.barrier(Stage::Transfer, Stage::Host);
         }
         drop(recording);
-        let (camera, took) = (viewer.pose.camera(), self.device_time);
+        let (camera, took) = (viewer.pose.camera(), self.device_time[1]);
         let sent = || worker.frame_sent(camera, took);
         let ticket =
             debug_span!("present").in_scope(|| self.swapchain.present(cmd, frame, sent))?;
@@ -257,7 +265,7 @@ impl Frames {
         if measures {
             self.display.measured_by(ticket.clone());
         }
-        self.picture = Some(ticket);
+        self.picture = Some((ticket, rest.is_some()));
         drawn.shown = true;
         Ok(drawn)
     }
@@ -270,13 +278,15 @@ impl Frames {
             viewer.exposure.follow(mean, seconds);
         }
         viewer.probe = self.display.probed();
-        if let Some(took) = self.picture.take().and_then(|ticket| ticket.device_time()) {
-            let before = match self.device_time {
-                Duration::ZERO => took,
-                before => before,
-            };
+        if let Some((ticket, moving)) = self.picture.take()
+            && let Some(took) = ticket.device_time()
+        {
+            let lately = &mut self.device_time[usize::from(moving)];
+            if lately.is_zero() {
+                *lately = took;
+            }
             // What is drawn for the first time is compiled first.
-            self.device_time = (before * 3 + took.min(before * 2)) / 4;
+            *lately = (*lately * 3 + took.min(*lately * 2)) / 4;
         }
         let since = self.passes_at.elapsed().as_secs_f64();
         if since > 1.0 {
@@ -307,6 +317,10 @@ impl Frames {
         input.time = Some(self.start.elapsed().as_secs_f64());
         input.screen_rect =
             (points.min_elem() > 0.0).then(|| egui::Rect::from_min_size(egui::Pos2::ZERO, points));
+        let mut events = std::mem::take(&mut self.later);
+        events.append(&mut input.events);
+        self.later = after_click(&mut events);
+        input.events = events;
         input.viewport_id = ViewportId::ROOT;
         let viewport = input.viewports.entry(ViewportId::ROOT).or_default();
         viewport.native_pixels_per_point = Some(scale);

@@ -214,6 +214,19 @@ pub fn actions(ctx: &egui::Context) -> Vec<Action> {
     ctx.input(|i| i.events.iter().filter_map(action).collect())
 }
 
+/// Takes out of a frame's events what is typed after a click: where it goes is known when the click has been taken in, so it is the
+/// next frame's.
+pub(super) fn after_click(events: &mut Vec<egui::Event>) -> Vec<egui::Event> {
+    use egui::Event;
+    let clicked = |e: &Event| matches!(e, Event::PointerButton { pressed: false, .. });
+    let typed = |e: &Event| matches!(e, Event::Key { .. } | Event::Text(_) | Event::Ime(_));
+    let end = events.iter().position(clicked).and_then(|click| {
+        let typed = events[click..].iter().position(typed);
+        typed.map(|typed| click + typed)
+    });
+    events.split_off(end.unwrap_or(events.len()))
+}
+
 /// A frame's movement of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Navigation {
@@ -280,6 +293,31 @@ pub fn navigation(ctx: &egui::Context, area: &egui::Response) -> Navigation {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_typed_after_a_click_waits_for_it() {
+        let button = |pressed| egui::Event::PointerButton {
+            pos: egui::Pos2::ZERO,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        };
+        let text = |text: &str| egui::Event::Text(text.into());
+        let mut events = vec![
+            text("a"),
+            button(true),
+            button(false),
+            text("b"),
+            button(true),
+        ];
+        assert_eq!(after_click(&mut events), [text("b"), button(true)]);
+        assert_eq!(events, [text("a"), button(true), button(false)]);
+        assert!(
+            after_click(&mut events).is_empty(),
+            "nothing is typed after it"
+        );
+        assert_eq!(events.len(), 3);
+    }
 
     /// A frame in which keys are pressed.
     fn press(ctx: &egui::Context, keys: &[Key], modifiers: Modifiers) -> Vec<Action> {

@@ -84,6 +84,8 @@ struct Session<'a> {
     /// Updates to do although paused.
     single: u64,
     frames: u64,
+    /// What the last slice left of its time, because no light fitted into it: the next one has it.
+    credit: Duration,
     /// The map has changed since the pages were brought up to date.
     stale: bool,
     updated: Instant,
@@ -124,6 +126,7 @@ impl<'a> Session<'a> {
             paused: false,
             single: 0,
             frames: 0,
+            credit: Duration::ZERO,
             stale: true,
             updated: now,
             log: Vec::new(),
@@ -227,7 +230,9 @@ impl<'a> Session<'a> {
         self.baker.look_from(camera.as_ref());
         self.status.slice = super::pace::slice(self.slice, picture);
         let mut time = self.status.slice;
-        if !live {
+        if live {
+            time += self.credit;
+        } else {
             time = time.max(IDLE_SLICE);
         }
         // Brought up to date as often as its cost allows, once no update is halfway into it.
@@ -250,6 +255,7 @@ impl<'a> Session<'a> {
             _ => Limit::Updates(1),
         };
         let progress = self.baker.step(limit)?;
+        self.credit = self.baker.slice_left().min(self.status.slice / 2);
         // A frame may have been sent while this was: then this is what the next one waits for.
         self.frames = self.shared.state().frames;
         self.single = self.single.saturating_sub(1);

@@ -94,7 +94,7 @@ pub(super) struct State {
     pub(super) frames: u64,
     /// Where the last one was taken from.
     pub(super) camera: Option<Camera>,
-    /// What frames take on the device.
+    /// What frames take on the device while something moves.
     pub(super) picture: Duration,
     pub(super) live: bool,
     pub(super) closing: bool,
@@ -228,7 +228,8 @@ impl Worker {
         }
     }
 
-    /// A frame was sent to the device, from here: a live bake does its next slice, what is seen first. `took`: frames, on the device.
+    /// A frame was sent to the device, from here: a live bake does its next slice, what is seen first. `took`: what frames take on the
+    /// device while something moves.
     pub fn frame_sent(&self, camera: Camera, took: Duration) {
         let mut state = self.shared.state();
         state.picture = took;

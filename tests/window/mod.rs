@@ -103,15 +103,26 @@ pub struct Viewer {
 }
 
 impl Viewer {
+    /// The Cornell box, roughly.
     pub fn open(display: &Display, folder: &Path, more: &[&str]) -> Self {
-        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell.gltf");
-        Self::open_scene(display, &scene, folder, more)
+        Self::open_at(display, folder, "draft", more)
     }
 
-    pub fn open_scene(display: &Display, scene: &Path, folder: &Path, more: &[&str]) -> Self {
+    pub fn open_at(display: &Display, folder: &Path, quality: &str, more: &[&str]) -> Self {
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell.gltf");
+        Self::open_scene(display, &scene, folder, quality, more)
+    }
+
+    pub fn open_scene(
+        display: &Display,
+        scene: &Path,
+        folder: &Path,
+        quality: &str,
+        more: &[&str],
+    ) -> Self {
         let child = Command::new(env!("CARGO_BIN_EXE_viewer"))
             .arg(scene)
-            .args(["--quality", "draft", "--validate", "-o"])
+            .args(["--quality", quality, "--validate", "-o"])
             .arg(folder)
             .args(more)
             .env("DISPLAY", &display.name)

@@ -14,7 +14,7 @@ const UNKNOWN: [f64; KINDS] = [12.0, 48.0, 6.0, 24.0];
 const BATCH_ITSELF: f64 = 0.75;
 /// Of what a batch took longer than expected, and of what it was faster, how much is believed at once, as an exponent: frames are late by
 /// what is underestimated.
-const BELIEF: [f64; 2] = [0.4, 0.15];
+const BELIEF: [f64; 2] = [0.3, 0.15];
 
 /// What lights take, learned from those that were sent.
 #[derive(Clone, Debug)]
@@ -143,7 +143,7 @@ mod tests {
         let times = |factor: f64| Duration::from_secs_f64(expected * factor * 1e-3);
         slow.learn(&[1, 0, 0, 0], times(4.0));
         fast.learn(&[1, 0, 0, 0], times(0.25));
-        assert!(slow.0[0] / 10.0 > 1.3 * 10.0 / fast.0[0]);
+        assert!(slow.0[0] / 10.0 > 1.2 * 10.0 / fast.0[0]);
         assert_eq!(slow.0[1], 10.0, "nothing was said about these");
     }
 }

@@ -222,7 +222,21 @@ fn notes(viewer: &mut Viewer, ctx: &egui::Context) {
     ctx.request_repaint_after_secs(0.5);
 }
 
+/// Points around the window with the keys.
+const AROUND_KEYS: f32 = 60.0;
+
 fn keys(viewer: &mut Viewer, ctx: &egui::Context) {
+    let moves = MOVES.iter().map(|(keys, text)| (keys.to_string(), *text));
+    let click = [("left click".to_owned(), "select an object or a light")];
+    let bindings = bindings();
+    let bound = bindings.iter().filter(|(.., text)| !text.is_empty());
+    let bound = bound.map(|(key, command, shift, _, text)| {
+        let command = if *command { "Ctrl + " } else { "" };
+        let shift = if *shift { "Shift + " } else { "" };
+        (format!("{command}{shift}{}", key.symbol_or_name()), *text)
+    });
+    let all: Vec<(String, &str)> = moves.chain(click).chain(bound).collect();
+    let room = ctx.content_rect().size() - egui::Vec2::splat(AROUND_KEYS);
     egui::Window::new("Keys")
         .open(&mut viewer.help)
         .collapsible(false)
@@ -230,29 +244,23 @@ fn keys(viewer: &mut Viewer, ctx: &egui::Context) {
         .anchor(Align2::CENTER_CENTER, [0.0, 0.0])
         .show(ctx, |ui| {
             ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
-            egui::Grid::new("keys")
-                .num_columns(2)
-                .striped(true)
-                .show(ui, |ui| {
-                    for (keys, text) in MOVES {
-                        ui.strong(keys);
-                        ui.label(text);
-                        ui.end_row();
-                    }
-                    ui.strong("left click");
-                    ui.label("select an object or a light");
-                    ui.end_row();
-                    for (key, command, shift, _, text) in bindings() {
-                        if text.is_empty() {
-                            continue;
-                        }
-                        let command = if command { "Ctrl + " } else { "" };
-                        let shift = if shift { "Shift + " } else { "" };
-                        ui.strong(format!("{command}{shift}{}", key.symbol_or_name()));
-                        ui.label(text);
-                        ui.end_row();
+            let height = room.y - ui.spacing().interact_size.y;
+            let scroll = egui::ScrollArea::both()
+                .max_width(room.x)
+                .max_height(height);
+            scroll.show(ui, |ui| {
+                ui.horizontal_top(|ui| {
+                    for (half, rows) in all.chunks(all.len().div_ceil(2)).enumerate() {
+                        egui::Grid::new(half).striped(true).show(ui, |ui| {
+                            for (keys, text) in rows {
+                                ui.strong(keys);
+                                ui.label(*text);
+                                ui.end_row();
+                            }
+                        });
                     }
                 });
+            });
         });
 }
 

@@ -50,7 +50,7 @@ pub(super) fn progress(viewer: &mut Viewer, ui: &mut egui::Ui, status: &Status) 
         ui.label("updates per frame");
         let mut slice = status.slice.as_secs_f32() * 1e3;
         let slider = egui::Slider::new(&mut slice, 1.0..=500.0).logarithmic(true);
-        if ui.add(slider.suffix(" ms")).changed() {
+        if ui.add(slider.suffix(" ms").fixed_decimals(0)).changed() {
             let request = super::slice_of(slice);
             viewer.ask(request);
         }
