@@ -224,6 +224,8 @@ fn notes(viewer: &mut Viewer, ctx: &egui::Context) {
 
 /// Points around the window with the keys.
 const AROUND_KEYS: f32 = 60.0;
+/// What two columns of keys take, points.
+const TWO_COLUMNS: f32 = 860.0;
 
 fn keys(viewer: &mut Viewer, ctx: &egui::Context) {
     let moves = MOVES.iter().map(|(keys, text)| (keys.to_string(), *text));
@@ -237,6 +239,7 @@ fn keys(viewer: &mut Viewer, ctx: &egui::Context) {
     });
     let all: Vec<(String, &str)> = moves.chain(click).chain(bound).collect();
     let room = ctx.content_rect().size() - egui::Vec2::splat(AROUND_KEYS);
+    let columns = if room.x < TWO_COLUMNS { 1 } else { 2 };
     egui::Window::new("Keys")
         .open(&mut viewer.help)
         .collapsible(false)
@@ -245,13 +248,11 @@ fn keys(viewer: &mut Viewer, ctx: &egui::Context) {
         .show(ctx, |ui| {
             ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
             let height = room.y - ui.spacing().interact_size.y;
-            let scroll = egui::ScrollArea::both()
-                .max_width(room.x)
-                .max_height(height);
+            let scroll = egui::ScrollArea::vertical().max_height(height);
             scroll.show(ui, |ui| {
                 ui.horizontal_top(|ui| {
-                    for (half, rows) in all.chunks(all.len().div_ceil(2)).enumerate() {
-                        egui::Grid::new(half).striped(true).show(ui, |ui| {
+                    for (column, rows) in all.chunks(all.len().div_ceil(columns)).enumerate() {
+                        egui::Grid::new(column).striped(true).show(ui, |ui| {
                             for (keys, text) in rows {
                                 ui.strong(keys);
                                 ui.label(*text);
