@@ -26,16 +26,20 @@ struct Surface {
     neighbours: Vec<[u32; 3]>,
 }
 
-/// Charts of a mesh, each vertex's coordinates in metres. `triangles` index welded vertices; `seams`: edges that charts do not cross.
+/// Charts of a mesh, each vertex's coordinates in metres; none if one of them would lie over itself, as those of a spiral ramp do.
+/// `triangles` index welded vertices; `seams`: edges that charts do not cross.
 pub(super) fn project(
     mesh: &Mesh,
     positions: &[Vec3],
     triangles: &[[u32; 3]],
     seams: &[[bool; 3]],
-) -> UvLayout {
+) -> Option<UvLayout> {
     let surface = Surface::new(positions, triangles, seams);
     let (mut charts, axes) = surface.grow();
     surface.join(&mut charts, &axes);
+    if surface.overlaps(positions, triangles, &charts, &axes) {
+        return None;
+    }
     let mut layout = UvLayout::default();
     let mut split: HashMap<(u32, u32), u32> = HashMap::new();
     // Coordinates begin at a point of the chart, so that they have all their digits.
@@ -58,7 +62,7 @@ pub(super) fn project(
             })
         }));
     }
-    layout
+    Some(layout)
 }
 
 impl Surface {
@@ -151,6 +155,40 @@ impl Surface {
         (charts, axes)
     }
 
+    /// Whether a chart has parts above each other: what of it lies in a few triangles' width spans more height than a surface
+    /// that faces within 60 degrees of the axis can.
+    fn overlaps(
+        &self,
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        charts: &[u32],
+        axes: &[Vec3],
+    ) -> bool {
+        let mut sums = vec![(0.0, 0.0f32); axes.len()];
+        for (&chart, &area) in charts.iter().zip(&self.areas) {
+            let sum = &mut sums[chart as usize];
+            *sum = (sum.0 + area, sum.1 + 1.0);
+        }
+        // The steepest surface rises by 2.5 across a square.
+        const STEEPEST: f32 = 3.0;
+        let mut heights: HashMap<(u32, [i64; 2]), [f32; 2]> = HashMap::new();
+        triangles.iter().zip(charts).any(|(t, &chart)| {
+            let (area, count) = sums[chart as usize];
+            let square = 2.0 * (area / count).sqrt();
+            if square <= 0.0 {
+                return false;
+            }
+            let axis = axes[chart as usize];
+            let (x, y) = axis.any_orthonormal_pair();
+            let middle = t.iter().map(|&v| positions[v as usize]).sum::<Vec3>() / 3.0;
+            let at = [x, y].map(|side| (side.dot(middle) / square).floor() as i64);
+            let height = axis.dot(middle);
+            let span = heights.entry((chart, at)).or_insert([height; 2]);
+            *span = [span[0].min(height), span[1].max(height)];
+            span[1] - span[0] > STEEPEST * square
+        })
+    }
+
     /// Gives charts, the smallest first, to larger ones beside them that face about the same way.
     fn join(&self, charts: &mut [u32], axes: &[Vec3]) {
         let mut members: Vec<Vec<u32>> = vec![Vec::new(); axes.len()];
@@ -233,7 +271,7 @@ mod tests {
         for t in (0..triangles.len()).filter(|t| equator(*t) && t % 2 == 0) {
             seams[t][0] = true;
         }
-        let layout = project(&mesh, &mesh.positions, &triangles, &seams);
+        let layout = project(&mesh, &mesh.positions, &triangles, &seams).expect("open charts");
         assert_eq!(layout.triangles.len(), triangles.len());
         let area = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| layout.vertices[v as usize].uv);
@@ -265,5 +303,35 @@ mod tests {
             // Its neighbour beyond the seam is of another chart.
             assert_ne!(layout.charts[t], layout.charts[t - 239], "{t}");
         }
+    }
+
+    #[test]
+    fn a_ramp_that_winds_over_itself_is_not_projected() {
+        let ramp = |turns: u32| {
+            let steps = 200 * turns;
+            let mut mesh = Mesh::default();
+            for i in 0..=steps {
+                let (sine, cosine) = (std::f32::consts::TAU * i as f32 / 200.0).sin_cos();
+                let across = (0..=6).map(|j| 1.0 + j as f32 / 6.0);
+                let height = 0.8 * i as f32 / 200.0;
+                mesh.positions
+                    .extend(across.map(|r| Vec3::new(r * cosine, height, -r * sine)));
+            }
+            for (i, j) in (0..steps).flat_map(|i| (0..6).map(move |j| (i, j))) {
+                let [a, b] = [i, i + 1].map(|i| i * 7 + j);
+                mesh.triangles.extend([[a, a + 1, b], [a + 1, b + 1, b]]);
+            }
+            mesh
+        };
+        let charts = |mesh: &Mesh| {
+            let seams = vec![[false; 3]; mesh.triangles.len()];
+            let layout = project(mesh, &mesh.positions, &mesh.triangles, &seams);
+            layout.map(|l| l.charts.iter().copied().max().unwrap_or(0) + 1)
+        };
+        // A chart of its own up to the first whole turn.
+        let mut open = ramp(1);
+        open.triangles.truncate(open.triangles.len() * 9 / 10);
+        assert_eq!(charts(&open), Some(1));
+        assert_eq!(charts(&ramp(3)), None);
     }
 }

@@ -44,8 +44,11 @@ pub(crate) fn unwrap(
     let seams = hard_edges(mesh, &triangles);
     let area: f64 = triangles.iter().map(|t| triangle_area(positions, t)).sum();
     let texels = area * f64::from(density) * f64::from(density);
-    if triangles.len() >= MANY_TRIANGLES && texels < FEW_TEXELS * triangles.len() as f64 {
-        let flat = project(mesh, positions, &triangles, &seams);
+    let tiny = triangles.len() >= MANY_TRIANGLES && texels < FEW_TEXELS * triangles.len() as f64;
+    if let Some(flat) = tiny
+        .then(|| project(mesh, positions, &triangles, &seams))
+        .flatten()
+    {
         return repack(mesh, positions, &flat, &[], density, limit);
     }
     let points: Vec<[f32; 3]> = positions.iter().map(|p| p.to_array()).collect();
