@@ -1,17 +1,17 @@
-//! Compiles the shaders of glsl/ to SPIR-V, a warning being an error, and writes the tables that `bake::shaders` and (names that
-//! begin with `view_`) `view::shaders` include: code, local size, push constant size, and the layout of every structure for
-//! the layout tests.
+//! Compiles the shaders of glsl/ to SPIR-V, a warning being an error, and writes the tables that `bake::device::shaders` and
+//! (names that begin with `view_`) `view::shaders` include: code, local size, push constant size, and the layout of every
+//! structure for the layout tests.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-#[path = "src/bake/shared.rs"]
+#[path = "src/bake/device/shared.rs"]
 mod shared;
 
 fn main() {
     println!("cargo:rerun-if-changed=glsl");
-    println!("cargo:rerun-if-changed=src/bake/shared.rs");
+    println!("cargo:rerun-if-changed=src/bake/device/shared.rs");
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let mut sources: Vec<_> = std::fs::read_dir("glsl")
         .expect("glsl/ is part of the package")

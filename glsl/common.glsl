@@ -7,7 +7,7 @@
 
 const float PI = 3.14159265358979;
 
-// Capitals that are not defined here (TILE, LIST_ROW, LIGHT_*, VIEW_*...) come from src/bake/shared.rs.
+// Capitals that are not defined here (TILE, LIST_ROW, LIGHT_*, VIEW_*...) come from src/bake/device/shared.rs.
 
 struct Texel {
     vec3 position;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::baker::Baker;
-use super::report::Report;
+use super::job::report::Report;
 use crate::lightmap::{Lightmap, export, preview};
 
 /// Width and height of preview.png.

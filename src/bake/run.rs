@@ -3,33 +3,17 @@
 use std::time::{Duration, Instant};
 
 use super::baker::Baker;
-use super::progress::{Listener, Stage, Stages};
-use super::report::{AtlasReport, Report};
-use super::settings::{Options, Settings};
-use super::shared::TILE;
-use super::step::Limit;
+use super::baker::step::Limit;
+use super::device::shared::TILE;
+use super::job::progress::{Listener, Stage, Stages};
+use super::job::report::Report;
+use super::job::{BakeError, Job};
 use super::update::Sign;
 use crate::cluster::Budget;
 use crate::gpu::{Gpu, GpuError};
+use crate::lightmap::Lightmap;
 use crate::lightmap::texels::Texels;
-use crate::lightmap::{AtlasOptions, Lightmap, LightmapError};
-use crate::scene::edit::EditError;
-use crate::scene::{Document, Scene, SceneError};
-
-/// What to bake and how.
-#[derive(Clone, Debug, Default)]
-pub struct Job {
-    /// How fine the lightmap is; ignored by [`Job::repeat`], which knows.
-    pub atlas: AtlasOptions,
-    /// What the settings are resolved from, unless `repeat` has them.
-    pub options: Options,
-    /// The settings and the atlas of an earlier bake, for the scene that it wrote.
-    pub repeat: Option<(Settings, AtlasReport)>,
-    /// Stop refining in time to end after this long.
-    pub budget: Option<Duration>,
-    /// Afterwards subtract every second light, add it again, and compare every bit.
-    pub verify: bool,
-}
+use crate::scene::{Document, Scene};
 
 /// What a bake made.
 pub struct Baked {
@@ -39,41 +23,6 @@ pub struct Baked {
     pub baker: Baker,
     /// What was done.
     pub report: Report,
-}
-
-/// Why a bake failed.
-#[derive(Debug, thiserror::Error)]
-pub enum BakeError {
-    /// The device.
-    #[error(transparent)]
-    Gpu(#[from] GpuError),
-    /// The atlas.
-    #[error(transparent)]
-    Lightmap(#[from] LightmapError),
-    /// The scene and its document do not fit together.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// An edit.
-    #[error(transparent)]
-    Edit(#[from] EditError),
-    /// The invariant of exact updates is broken.
-    #[error(
-        "verify: {texels} of {all} texels differ; the worst is pixel {pixel} of object {object} (slot {worst}), by {units} fixed-point units: please report this with the device's name"
-    )]
-    Verify {
-        /// Texels that differ.
-        texels: usize,
-        /// Texels in all.
-        all: usize,
-        /// The one with the largest difference, in the texel list.
-        worst: usize,
-        /// How large that is.
-        units: u64,
-        /// `page * page_size² + y * page_size + x`.
-        pixel: u32,
-        /// Index into the scene's objects.
-        object: u32,
-    },
 }
 
 /// Bakes `scene`, which `document` describes: a [`Baker`] that goes from the empty map to the last update, on one page.

@@ -2,11 +2,11 @@
 
 use glam::{Affine2, DVec3, Vec2, Vec3};
 
-use super::super::occluders::Occluders;
-use super::super::records::{self, ShadowSizes, View};
-use super::super::shadow::ShadowPass;
-use super::super::versions::Versions;
 use super::{Numbers, SIZES, around, bounds, gpu, random_light};
+use crate::bake::device::records::{self, ShadowSizes, View};
+use crate::bake::passes::shadow::ShadowPass;
+use crate::bake::world::occluders::Occluders;
+use crate::bake::world::versions::Versions;
 use crate::cluster::VirtualLight;
 use crate::gpu::Gpu;
 use crate::scene::{AlphaMode, Material, Scene, Texture, TextureRef, Wrap};
@@ -218,7 +218,7 @@ fn pixel_truth(view: &View, index: u32, triangles: &[[Vec3; 3]], stops: Stops) -
     let size = view.size;
     let axes = [view.x, view.y, view.z].map(|a| Vec3::from_array(a).as_dvec3());
     let center = |i: u32| (f64::from(i) + 0.5) * 2.0 / f64::from(size) - 1.0;
-    if view.kind == super::super::shared::VIEW_ORTHOGRAPHIC {
+    if view.kind == crate::bake::device::shared::VIEW_ORTHOGRAPHIC {
         // A ray from the light's side; the stored value is z . (hit - origin).
         let [x, y, z] = axes;
         let (s, t) = (center(index % size), center(index / size));

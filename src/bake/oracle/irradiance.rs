@@ -100,7 +100,7 @@ fn far_tolerance(light: &VirtualLight, p: DVec3) -> f64 {
         .map(|v| v.distance(light.position))
         .fold(0.0, f32::max);
     let d = light.position.as_dvec3().distance(p);
-    let is_far = d > f64::from(super::super::accumulate::FAR * radius);
+    let is_far = d > f64::from(crate::bake::passes::accumulate::FAR * radius);
     let face_on = f64::from(light.flux.max_element()) / (std::f64::consts::PI * d * d);
     if is_far { 0.02 * face_on } else { 0.0 }
 }

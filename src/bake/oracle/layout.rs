@@ -1,7 +1,7 @@
 //! Records in memory, field by field, against what the shaders declare.
 
-use super::super::records::{self, Light};
-use super::super::shaders;
+use crate::bake::device::records::{self, Light};
+use crate::bake::device::shaders;
 use crate::lightmap::Clearance;
 
 #[test]

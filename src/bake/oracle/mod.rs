@@ -12,12 +12,12 @@ use std::sync::LazyLock;
 use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 
-use super::accumulate::{AccumulatePass, Batch, Evaluation};
-use super::occluders::Occluders;
-use super::place::Receivers;
-use super::records::{self, Light, ShadowSizes, Surroundings};
-use super::shadow::ShadowPass;
-use super::versions::Versions;
+use crate::bake::device::records::{self, Light, ShadowSizes, Surroundings};
+use crate::bake::passes::accumulate::{AccumulatePass, Batch, Evaluation};
+use crate::bake::passes::shadow::ShadowPass;
+use crate::bake::world::occluders::Occluders;
+use crate::bake::world::place::Receivers;
+use crate::bake::world::versions::Versions;
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Stage};
 use crate::lightmap::Texel;

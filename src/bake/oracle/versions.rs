@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Quat, Vec3};
 
-use super::super::update::{Illumination, Sign};
-use super::super::versions::{Boxes, Version};
 use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels};
+use crate::bake::update::{Illumination, Sign};
+use crate::bake::world::versions::{Boxes, Version};
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::Gpu;
 use crate::lightmap::texels::Texels;

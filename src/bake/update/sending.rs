@@ -4,11 +4,11 @@ use std::time::{Duration, Instant};
 
 use super::allowance::{Allowance, Counts};
 use super::{Flight, Illumination, Pending, Sign};
-use crate::bake::accumulate::Batch;
-use crate::bake::records::{self, Region, Surroundings};
-use crate::bake::shadow::MAX_VIEWS;
-use crate::bake::shared::BATCH;
-use crate::bake::versions::Version;
+use crate::bake::device::records::{self, Region, Surroundings};
+use crate::bake::device::shared::BATCH;
+use crate::bake::passes::accumulate::Batch;
+use crate::bake::passes::shadow::MAX_VIEWS;
+use crate::bake::world::versions::Version;
 use crate::cluster::Shape;
 use crate::gpu::{Result, Stage};
 

@@ -1,0 +1,349 @@
+//! The work on the map: what validation finds is planned, what is planned is done, and time is looked at in between.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+
+use tracing::debug_span;
+
+use super::journal::Entry;
+use crate::bake::baker::Baker;
+use crate::bake::order::plan::Plan;
+use crate::bake::order::schedule::{self, Held, Priority, What};
+use crate::cluster::{CellId, Forest as _, Ledger};
+use crate::gpu::GpuError;
+
+/// Paths traced again at a time, between two looks at the clock.
+const PATHS_AT_ONCE: usize = 4096;
+/// The share of a step's time that tracing may take before the map is updated with what is known.
+const TRACING_SHARE: f64 = 0.3;
+/// Direct lights sent after an edit before its paths are traced.
+const LIGHTS_AHEAD: u64 = 32;
+/// A cell with a larger share of invalid flux is exchanged, not brought to the current scene before that.
+const LEAVES: f64 = 0.3;
+
+/// How far [`Baker::step`] goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// Until nothing is left to do.
+    Converged,
+    /// For about so long; at least one update, if there is one.
+    Time(Duration),
+    /// For so many updates.
+    Updates(u64),
+    /// For about so long on the host, and with no more than takes about so long on the device: the rest of an update that was
+    /// begun waits for the next step, and [`Baker::is_whole`] says so. At least one light, if there is one.
+    Slice {
+        /// So long.
+        time: Duration,
+        /// Only finishes what was begun, because somebody waits to see the map.
+        whole: bool,
+    },
+}
+
+/// Where a baker stands.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Progress {
+    /// Updates done by this step.
+    pub updates: u64,
+    /// Updates known to be left; more can come while paths are being validated.
+    pub left: u64,
+    /// Paths that wait to be validated.
+    pub invalid_paths: u64,
+    /// Lumens (mean over RGB) that are known or estimated to be wrong in the map.
+    pub invalid_flux: f64,
+    /// Nothing is left to do.
+    pub converged: bool,
+}
+
+impl Baker {
+    /// Whether the map is that of a fresh bake.
+    pub fn is_converged(&self) -> bool {
+        self.is_planned_out() && !self.illumination.is_behind()
+    }
+
+    /// Whether every update has been sent to the device wholly or not at all: only a [`Limit::Slice`] leaves it otherwise.
+    pub fn is_whole(&self) -> bool {
+        self.illumination.is_whole()
+    }
+
+    /// What the last [`Limit::Slice`] left of the device's time.
+    pub fn slice_left(&self) -> Duration {
+        self.illumination.left()
+    }
+
+    /// Whether no update is left to be begun.
+    fn is_planned_out(&self) -> bool {
+        self.settled && self.validator.is_valid() && self.plan.len() == 0
+    }
+
+    /// Works on the map.
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn step(&mut self, limit: Limit) -> Result<Progress, GpuError> {
+        self.step_with(limit, &mut |_, _| {})
+    }
+
+    /// As [`Baker::step`]; `told` hears how many lights have been sent of how many.
+    pub(crate) fn step_with(
+        &mut self,
+        limit: Limit,
+        told: &mut dyn FnMut(u64, u64),
+    ) -> Result<Progress, GpuError> {
+        let start = Instant::now();
+        let enough = |updates: u64| match limit {
+            Limit::Converged => false,
+            Limit::Time(time) => start.elapsed() >= time,
+            Limit::Updates(n) => updates >= n,
+            Limit::Slice { time, .. } => start.elapsed() >= time,
+        };
+        let _span = debug_span!("step").entered();
+        let slice = match limit {
+            Limit::Slice { time, whole } => Some((time, whole)),
+            _ => None,
+        };
+        self.illumination
+            .allow(slice.map(|s| s.0), slice.is_some_and(|s| s.1));
+        if slice.is_some() {
+            self.illumination.poll()?;
+        }
+        let before = self.illumination.lights_sent();
+        let mut updates = 0;
+        loop {
+            // In a slice, only when all that was begun has been sent: what comes next is to wait no longer than that.
+            let waits = |baker: &Self| slice.is_some() && baker.illumination.is_behind();
+            let begun_only = slice.is_some_and(|s| s.1) || waits(self);
+            if begun_only && (self.edited || enough(updates)) {
+                break;
+            }
+            // After an edit, first what needs no path to be known: the device has work then while the host traces.
+            let direct = std::mem::take(&mut self.edited);
+            if direct {
+                self.trace(0);
+                self.plan_wanted();
+            } else {
+                let tracing = match limit {
+                    Limit::Time(time) | Limit::Slice { time, .. } => {
+                        Some(start + time.mul_f64(TRACING_SHARE))
+                    }
+                    _ => None,
+                };
+                self.settle(tracing);
+            }
+            if begun_only || limit == Limit::Updates(updates) {
+                break;
+            }
+            let total = self.plan.lights();
+            let ahead = self.illumination.lights_taken();
+            while let Some(update) = self.next(direct) {
+                self.perform(&update)?;
+                updates += 1;
+                self.illumination.poll()?;
+                self.journal.reach(self.illumination.taken_and_done().1);
+                let sent = self.illumination.lights_sent() - before;
+                told(sent, sent + total);
+                if enough(updates) || waits(self) {
+                    self.illumination.send()?;
+                    return Ok(self.standing(updates));
+                }
+                if direct && self.illumination.lights_taken() - ahead >= LIGHTS_AHEAD {
+                    break;
+                }
+            }
+            if direct {
+                // What is seen first is not to wait for its batch to fill.
+                self.illumination.send()?;
+                continue;
+            }
+            self.forget()?;
+            if self.is_planned_out() && !waits(self) {
+                self.illumination.flush()?;
+                self.journal.reach(self.illumination.taken_and_done().1);
+                self.ledger = Ledger::new(&self.clusters);
+                self.brightness.forget();
+                return Ok(self.standing(updates));
+            }
+            if enough(updates) {
+                break;
+            }
+        }
+        self.illumination.send()?;
+        Ok(self.standing(updates))
+    }
+
+    fn next(&mut self, direct: bool) -> Option<schedule::Update> {
+        if direct {
+            self.plan.next_direct()
+        } else {
+            self.plan.next(self.turns_at)
+        }
+    }
+
+    fn standing(&self, updates: u64) -> Progress {
+        Progress {
+            updates,
+            left: self.plan.len() as u64,
+            invalid_paths: self.validator.invalid_paths() as u64,
+            invalid_flux: self.plan.invalid_flux() + self.validator.invalid_flux(),
+            converged: self.is_converged(),
+        }
+    }
+
+    /// Validates paths, until `until` or to the end, and plans what follows from them.
+    fn settle(&mut self, until: Option<Instant>) {
+        if self.settled && self.validator.is_valid() {
+            return;
+        }
+        while !self.validator.is_valid() {
+            self.trace(until.map_or(usize::MAX, |_| PATHS_AT_ONCE));
+            if until.is_some_and(|until| Instant::now() >= until) {
+                break;
+            }
+        }
+        self.plan_wanted();
+        self.settled = true;
+    }
+
+    /// Traces so many paths again, and brings the octree and the ledger to what they found.
+    fn trace(&mut self, paths: usize) {
+        let _span = debug_span!("validate").entered();
+        let scene = self.editor.scene().clone();
+        let differences = self.validator.step(&scene, &self.bvh, paths);
+        let paths = self.validator.paths();
+        debug_span!("octree").in_scope(|| self.clusters.apply(&scene, paths, &differences));
+        let ledger = &mut self.ledger;
+        debug_span!("ledger").in_scope(|| ledger.note(&self.clusters, &self.held, &differences));
+    }
+
+    /// Finds out what should be held by now, and plans the way there.
+    fn plan_wanted(&mut self) {
+        let _span = debug_span!("plan").entered();
+        debug_span!("wanted").in_scope(|| self.wanted.update(&self.clusters, self.target));
+        let held = std::mem::take(&mut self.held);
+        let mut updates = self.exchanges(&held);
+        self.held = held;
+        let advances = self.advances(&updates);
+        updates.extend(advances);
+        self.plan = Plan::new(updates, self.plan.owed());
+    }
+
+    /// Scenes that no light is held under any more make room.
+    fn forget(&mut self) -> Result<(), GpuError> {
+        if self.journal.is_on() {
+            return Ok(());
+        }
+        let current = self.illumination.version();
+        let held = self.held.values().map(|h| h.version).min();
+        let oldest = held.into_iter().chain(self.illumination.oldest_waiting());
+        self.forget_before(oldest.min().unwrap_or(current))
+    }
+
+    /// The updates that lead from `held` to what is wanted.
+    pub(in crate::bake) fn exchanges(
+        &mut self,
+        held: &BTreeMap<CellId, Held>,
+    ) -> Vec<schedule::Update> {
+        let wanted = self.wanted.cells();
+        let scale = self.clusters.scale().max(f64::MIN_POSITIVE);
+        let key = |cell: &CellId| self.clusters.key(cell) as f64 / scale;
+        let groups: Vec<_> = schedule::exchanges(held, wanted, |c| self.clusters.parent(c))
+            .into_iter()
+            .filter(|(subtract, add)| {
+                !(self.settings.indirect_only && schedule::all_direct(subtract, add))
+            })
+            .collect();
+        let changing = groups.iter().flat_map(|(subtract, add)| {
+            let old = subtract.iter().map(|c| &held[c].selected);
+            old.chain(add.iter().map(|c| &wanted[c]))
+        });
+        let (scene, bvh) = (self.editor.scene(), &self.bvh);
+        debug_span!("brightness").in_scope(|| self.brightness.learn(scene, bvh, changing));
+        let ledger = |cell: &CellId| self.ledger.flux(cell);
+        let update = |group| schedule::exchange(group, held, wanted, &self.brightness, key, ledger);
+        groups.into_iter().map(update).collect()
+    }
+
+    /// The updates that bring what stays held to the current scene.
+    fn advances(&mut self, exchanges: &[schedule::Update]) -> Vec<schedule::Update> {
+        let current = self.illumination.version();
+        // What is about to leave anyhow need not follow the scene first.
+        let leaving: BTreeSet<CellId> = exchanges
+            .iter()
+            .filter(|u| u.invalid > LEAVES)
+            .flat_map(|u| u.leaving())
+            .copied()
+            .collect();
+        let stays = |cell: &CellId, held: &Held| held.version != current && !leaving.contains(cell);
+        let held = || self.held.iter().filter(|(cell, held)| stays(cell, held));
+        let illumination = &self.illumination;
+        let bounds = self.priority == Priority::Bounds;
+        if bounds {
+            let (scene, bvh) = (self.editor.scene(), &self.bvh);
+            let held = held().map(|(_, held)| held);
+            debug_span!("towards").in_scope(|| {
+                let between = |version| illumination.between(version);
+                self.brightness
+                    .learn_towards(scene, bvh, current, held, between);
+            });
+        }
+        let mut regions = BTreeMap::new();
+        let update = |(&cell, held): (&CellId, &Held)| {
+            let regions = regions
+                .entry(held.version)
+                .or_insert_with(|| illumination.between(held.version));
+            let invalid = self.ledger.flux(&cell);
+            let towards = bounds.then(|| self.brightness.towards(held, current));
+            schedule::advance(cell, held, regions, invalid, towards)
+        };
+        held().map(update).collect()
+    }
+
+    /// Does an update: all of it is sent before anything else is.
+    fn perform(&mut self, update: &schedule::Update) -> Result<(), GpuError> {
+        let _span = debug_span!("update", kind = update.kind.name()).entered();
+        let current = self.illumination.version();
+        let mut entry = Entry::new(update.kind);
+        match &update.what {
+            What::Advance(cell) => {
+                // It may have been exchanged since it was planned.
+                let Some(held) = self.held.get_mut(cell).filter(|h| h.version != current) else {
+                    return Ok(());
+                };
+                entry.subtracted.push(held.clone());
+                held.version = current;
+                entry.added.push(held.clone());
+                self.ledger.take(cell);
+            }
+            What::Exchange { subtract, add } => {
+                entry
+                    .subtracted
+                    .extend(subtract.iter().filter_map(|c| self.held.remove(c)));
+                for cell in add {
+                    if let Some(selected) = self.wanted.cells().get(cell).cloned() {
+                        let held = Held {
+                            selected,
+                            version: current,
+                        };
+                        entry.added.push(held.clone());
+                        self.held.insert(*cell, held);
+                    }
+                }
+                for cell in subtract.iter().chain(add) {
+                    self.ledger.take(cell);
+                }
+            }
+        }
+        let lights = |cells: &[Held]| cells.iter().flat_map(Held::lights).collect::<Vec<_>>();
+        let (leaving, coming) = (lights(&entry.subtracted), lights(&entry.added));
+        entry.lights = self.illumination.exchange(leaving, coming)?;
+        let (taken, _) = self.illumination.taken_and_done();
+        self.journal.note(entry, self.plan.invalid_flux(), taken);
+        Ok(())
+    }
+
+    /// Evaluations of lights that the map still needs, all paths validated.
+    pub fn lights_left(&mut self) -> u64 {
+        self.settle(None);
+        self.plan.lights()
+    }
+}

@@ -1,0 +1,161 @@
+//! What the shaders read: the `repr(C)` twins of the structures in glsl/common.glsl, and how virtual lights become them.
+
+pub(in crate::bake) mod asked;
+mod lights;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::shared::*;
+use crate::lightmap::Clearance;
+pub(in crate::bake) use lights::{ShadowSizes, Surroundings, misses, record};
+
+/// `Receiver`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Receiver {
+    pub position: [f32; 3],
+    pub normal: [f32; 3],
+    pub face: [f32; 3],
+    pub clearance: Clearance,
+}
+
+/// `Replaced`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Replaced {
+    pub tile: u32,
+    pub old: u32,
+    pub ended: u32,
+    pub new: u32,
+    pub instance: u32,
+}
+
+/// `Tile`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Tile {
+    pub center: [f32; 3],
+    pub extent: [f32; 3],
+    pub axis: [f32; 3],
+    pub cone_cos: f32,
+    pub face_cos: f32,
+    pub thickness: f32,
+    pub aside: f32,
+    pub sums: u32,
+    pub instance: u32,
+}
+
+/// `Placement`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Placement {
+    pub row: [[f32; 4]; 3],
+    pub normal_row: [[f32; 3]; 3],
+}
+
+/// `Triangle`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Triangle {
+    pub a: [f32; 3],
+    pub b: [f32; 3],
+    pub c: [f32; 3],
+}
+
+/// `Cutout`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(in crate::bake) struct Cutout {
+    pub uv: [[f32; 2]; 3],
+    pub first: u32,
+    pub size: [u32; 2],
+    pub wrap: u32,
+}
+
+/// `Chunk`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Chunk {
+    pub center: [f32; 3],
+    pub extent: [f32; 3],
+    pub count: u32,
+    pub instance: u32,
+}
+
+/// Counts edits of the scene; 0 is the scene as loaded.
+pub type Version = u32;
+
+/// `Instance`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(in crate::bake) struct Instance {
+    pub since: Version,
+    pub until: Version,
+    pub crowded: u32,
+}
+
+/// `Region`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(in crate::bake) struct Region {
+    pub center: [f32; 3],
+    pub extent: [f32; 3],
+}
+
+/// `View`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct View {
+    pub origin: [f32; 3],
+    pub x: [f32; 3],
+    pub y: [f32; 3],
+    pub z: [f32; 3],
+    pub offset: u32,
+    pub size: u32,
+    pub kind: u32,
+    pub cos_cone: f32,
+    pub version: u32,
+    pub other: u32,
+    pub borrows: u32,
+    pub asked: [u32; FACES as usize],
+}
+
+/// `Light`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Light {
+    pub position: [f32; 3],
+    pub normal: [f32; 3],
+    pub flux: [f32; 3],
+    pub area: f32,
+    pub radius: f32,
+    pub spot_scale: f32,
+    pub spot_offset: f32,
+    pub kind: u32,
+    pub sign: i32,
+    pub view: u32,
+    pub other_view: u32,
+    pub version: u32,
+    pub other: u32,
+    pub first_region: u32,
+    pub regions: u32,
+    pub origin: [f32; 3],
+    pub blur: f32,
+    pub blur_slope: f32,
+    pub vertices: u32,
+    pub vertex: [[f32; 3]; MAX_VERTICES as usize],
+}
+
+/// `ListHead`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(super) struct ListHead {
+    pub groups_x: u32,
+    pub groups_y: u32,
+    pub groups_z: u32,
+    pub entries: u32,
+    pub weight: u32,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,65 @@
+//! What is asked of a bake, and what it tells: the job and the settings that it comes to, how far it is, what it did, and why
+//! it failed.
+
+pub(super) mod progress;
+pub(super) mod report;
+pub(super) mod settings;
+
+use std::time::Duration;
+
+use crate::gpu::GpuError;
+use crate::lightmap::{AtlasOptions, LightmapError};
+use crate::scene::SceneError;
+use crate::scene::edit::EditError;
+use report::AtlasReport;
+use settings::{Options, Settings};
+
+/// What to bake and how.
+#[derive(Clone, Debug, Default)]
+pub struct Job {
+    /// How fine the lightmap is; ignored by [`Job::repeat`], which knows.
+    pub atlas: AtlasOptions,
+    /// What the settings are resolved from, unless `repeat` has them.
+    pub options: Options,
+    /// The settings and the atlas of an earlier bake, for the scene that it wrote.
+    pub repeat: Option<(Settings, AtlasReport)>,
+    /// Stop refining in time to end after this long.
+    pub budget: Option<Duration>,
+    /// Afterwards subtract every second light, add it again, and compare every bit.
+    pub verify: bool,
+}
+
+/// Why a bake failed.
+#[derive(Debug, thiserror::Error)]
+pub enum BakeError {
+    /// The device.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The atlas.
+    #[error(transparent)]
+    Lightmap(#[from] LightmapError),
+    /// The scene and its document do not fit together.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// An edit.
+    #[error(transparent)]
+    Edit(#[from] EditError),
+    /// The invariant of exact updates is broken.
+    #[error(
+        "verify: {texels} of {all} texels differ; the worst is pixel {pixel} of object {object} (slot {worst}), by {units} fixed-point units: please report this with the device's name"
+    )]
+    Verify {
+        /// Texels that differ.
+        texels: usize,
+        /// Texels in all.
+        all: usize,
+        /// The one with the largest difference, in the texel list.
+        worst: usize,
+        /// How large that is.
+        units: u64,
+        /// `page * page_size² + y * page_size + x`.
+        pixel: u32,
+        /// Index into the scene's objects.
+        object: u32,
+    },
+}

@@ -1,0 +1,63 @@
+//! What a camera sees of the scene: what is wrong there is put right first.
+
+use glam::{Affine3A, Vec3};
+
+use crate::scene::{Camera, Scene};
+use crate::transport::SceneBvh;
+use crate::transport::intersect::offset;
+
+/// Width and height of the pictures that what is seen is judged by.
+pub(in crate::bake) const PICTURE: [u32; 2] = [320, 180];
+/// The one over the other.
+pub(in crate::bake) const ASPECT: f32 = PICTURE[0] as f32 / PICTURE[1] as f32;
+
+/// How much what is not seen counts, of what is: somebody will look there too.
+pub(super) const UNSEEN: f32 = 0.02;
+/// By how much of the scene's size, and by what angle, radians, a camera moves before it counts as another one.
+const STEP: f32 = 0.01;
+const TURN: f32 = 0.1;
+
+/// A camera, ready to be asked about points.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Eye {
+    place: Vec3,
+    to_camera: Affine3A,
+    /// Half the picture's height, a unit away.
+    half: f32,
+}
+
+impl Eye {
+    pub fn new(camera: &Camera) -> Self {
+        Self {
+            place: camera.transform.translation.into(),
+            to_camera: camera.transform.inverse(),
+            half: (0.5 * camera.fov_y).tan(),
+        }
+    }
+
+    /// Whether it sees much the same as another one, in a scene of this size, metres.
+    pub fn is_like(&self, other: &Self, size: f32) -> bool {
+        let back = |eye: &Self| eye.to_camera.inverse().matrix3.z_axis;
+        self.place.distance(other.place) <= STEP * size && back(self).distance(back(other)) <= TURN
+    }
+
+    /// How much a point of a surface with this normal counts, 0 to 1.
+    pub fn weight(&self, scene: &Scene, bvh: &SceneBvh, point: Vec3, normal: Vec3) -> f32 {
+        let local = self.to_camera.transform_point3(point);
+        let (right, up) = (-self.half * ASPECT * local.z, -self.half * local.z);
+        let framed = local.z < 0.0 && local.x.abs() <= right && local.y.abs() <= up;
+        let way = self.place - point;
+        let front = if normal.dot(way) < 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        let origin = offset(point, front);
+        let (direction, distance) = (self.place - origin).normalize_and_length();
+        if framed && !bvh.occluded(scene, origin, direction, distance) {
+            1.0
+        } else {
+            UNSEEN
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! What is done next: what differs between the map and what it should be, cut into updates, the most visible first.
+
+pub(super) mod brightness;
+mod estimate;
+pub(super) mod eye;
+pub(super) mod plan;
+pub(super) mod schedule;
+mod towards;

@@ -1,0 +1,310 @@
+//! What to do next: the differences between what the map holds and what it should hold, cut into updates that keep every
+//! lumen counted once, the most visible first (IBGI section 4.4).
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::brightness::Brightness;
+use super::estimate::{Shining, alone, covered, lumens, shining, shown, unlike};
+use super::towards::Towards;
+use crate::bake::device::records::Region;
+use crate::bake::world::versions::Version;
+use crate::cluster::{CellId, Selected, VirtualLight};
+
+/// A cell whose lights are in the map.
+#[derive(Clone, Debug)]
+pub(in crate::bake) struct Held {
+    pub selected: Arc<Selected>,
+    /// The scene that they were added in.
+    pub version: Version,
+}
+
+impl Held {
+    /// Its lights with the version that they were added in.
+    pub(in crate::bake) fn lights(&self) -> impl Iterator<Item = (VirtualLight, Version)> + '_ {
+        let lights = self.selected.lights.iter();
+        lights.map(|light| (light.clone(), self.version))
+    }
+}
+
+/// The two processes that IBGI interleaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Brings light up to date with the scene.
+    Validation,
+    /// Refines cells, or merges them.
+    Balancing,
+}
+
+impl Kind {
+    /// In lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Validation => "validation",
+            Kind::Balancing => "balancing",
+        }
+    }
+}
+
+/// A change of the map that is done whole or not at all.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::bake) struct Update {
+    pub kind: Kind,
+    pub what: What,
+    /// Lumens that are wrong until then, estimated.
+    pub gain: f64,
+    /// What of it is seen: the norm of the irradiance that is wrong, lux m, estimated. Of balancing, the metric.
+    pub visible: f64,
+    /// The share of its cells' flux that these are, at most 1.
+    pub invalid: f64,
+    /// Evaluations of whole lights, estimated.
+    pub cost: f64,
+    /// Lights to send to the device.
+    pub lights: u64,
+}
+
+impl Update {
+    /// What is seen of it for its work: what the order goes by.
+    pub(super) fn worth(&self) -> f64 {
+        self.visible * self.visible / self.cost
+    }
+
+    /// Cells that it takes out of the map.
+    pub(in crate::bake) fn leaving(&self) -> &[CellId] {
+        match &self.what {
+            What::Advance(_) => &[],
+            What::Exchange { subtract, .. } => subtract,
+        }
+    }
+}
+
+/// Which cells an update is about.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::bake) enum What {
+    /// The cell's lights are the right ones, but were added in an earlier scene.
+    Advance(CellId),
+    /// Some cells leave, others come.
+    Exchange {
+        subtract: Vec<CellId>,
+        add: Vec<CellId>,
+    },
+}
+
+/// What tells which lights an edit made wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Priority {
+    /// The paths that it changed (IBGI section 4.2), and the light that falls on the bounds of what it changed: that also
+    /// finds what no path happened to meet.
+    #[default]
+    Bounds,
+    /// The paths alone.
+    Paths,
+}
+
+/// What advancing a light costs at least, of evaluating it: it is limited to the shadows of what changed.
+const LIMITED: f64 = 0.1;
+/// What a direct light costs of an indirect one: its maps are finer, and its shadows softer.
+const DIRECT: f64 = 4.0;
+/// Of what paths found wrong in a light, how much counts at least if rays do not find it.
+const UNSURE: f64 = 0.1;
+/// Of a virtual light that only changed its shape, how much of its flux counts as wrong: its place in the cell is new,
+/// most of what it lights is not.
+const RESHAPED: f64 = 0.1;
+
+/// Groups of cells to exchange, from held to wanted: cells that overlap go together, and so do a cell that loses a VPL and its
+/// neighbour that gets it. Cells that are held as they are wanted are in no group.
+pub(in crate::bake) fn exchanges(
+    held: &BTreeMap<CellId, Held>,
+    wanted: &BTreeMap<CellId, Arc<Selected>>,
+    parent: impl Fn(&CellId) -> Option<CellId>,
+) -> Vec<(Vec<CellId>, Vec<CellId>)> {
+    let same = |a: &Arc<Selected>, b: &Arc<Selected>| Arc::ptr_eq(a, b) || a == b;
+    let leaving: BTreeSet<CellId> = held
+        .iter()
+        .filter(|(id, h)| !wanted.get(id).is_some_and(|w| same(&h.selected, w)))
+        .map(|(id, _)| *id)
+        .collect();
+    let coming: BTreeSet<CellId> = wanted
+        .iter()
+        .filter(|(id, w)| !held.get(id).is_some_and(|h| same(&h.selected, w)))
+        .map(|(id, _)| *id)
+        .collect();
+    let mut groups = Groups::default();
+    for (cells, others) in [(&leaving, &coming), (&coming, &leaving)] {
+        for cell in cells {
+            groups.root(*cell);
+            let above = std::iter::successors(parent(cell), &parent);
+            if let Some(top) = above.into_iter().find(|a| others.contains(a)) {
+                groups.join(*cell, top);
+            }
+        }
+    }
+    // Who had the VPLs that a cell loses, and who gets them.
+    let none: &[u64] = &[];
+    let of = |cell: &CellId| {
+        let old = held.get(cell).map_or(none, |h| &h.selected.vpls);
+        (old, wanted.get(cell).map_or(none, |w| &w.vpls))
+    };
+    let mut had: HashMap<u64, CellId> = HashMap::new();
+    for cell in &leaving {
+        let (old, new) = of(cell);
+        had.extend(without(old, new).map(|vpl| (vpl, *cell)));
+    }
+    for cell in &coming {
+        let (old, new) = of(cell);
+        for vpl in without(new, old) {
+            if let Some(from) = had.get(&vpl) {
+                groups.join(*cell, *from);
+            }
+        }
+    }
+    let mut out: BTreeMap<CellId, (Vec<CellId>, Vec<CellId>)> = BTreeMap::new();
+    for cell in &leaving {
+        out.entry(groups.root(*cell)).or_default().0.push(*cell);
+    }
+    for cell in &coming {
+        out.entry(groups.root(*cell)).or_default().1.push(*cell);
+    }
+    out.into_values().collect()
+}
+
+/// Numbers of one ascending list that are not in another.
+fn without<'a>(list: &'a [u64], other: &'a [u64]) -> impl Iterator<Item = u64> + 'a {
+    let mut others = other.iter().peekable();
+    list.iter().copied().filter(move |number| {
+        while others.next_if(|other| *other < number).is_some() {}
+        others.peek() != Some(&number)
+    })
+}
+
+/// Disjoint sets of cells.
+#[derive(Default)]
+struct Groups(BTreeMap<CellId, CellId>);
+
+impl Groups {
+    fn root(&mut self, cell: CellId) -> CellId {
+        let up = *self.0.entry(cell).or_insert(cell);
+        if up == cell {
+            return cell;
+        }
+        let root = self.root(up);
+        self.0.insert(cell, root);
+        root
+    }
+
+    fn join(&mut self, a: CellId, b: CellId) {
+        let (a, b) = (self.root(a), self.root(b));
+        // The smaller name leads, so that the result does not depend on the order of joins.
+        self.0.insert(a.max(b), a.min(b));
+    }
+}
+
+/// The update that exchanges cells. `key`: the balancing metric. `ledger`: lumens that validation found invalid in a cell.
+pub(in crate::bake) fn exchange(
+    (subtract, add): (Vec<CellId>, Vec<CellId>),
+    held: &BTreeMap<CellId, Held>,
+    wanted: &BTreeMap<CellId, Arc<Selected>>,
+    brightness: &Brightness,
+    key: impl Fn(&CellId) -> f64,
+    ledger: impl Fn(&CellId) -> f64,
+) -> Update {
+    let old: Vec<Shining> = subtract
+        .iter()
+        .flat_map(|c| shining(&held[c].selected, brightness))
+        .collect();
+    let new: Vec<Shining> = add
+        .iter()
+        .flat_map(|c| shining(&wanted[c], brightness))
+        .collect();
+    let invalid: f64 = subtract.iter().map(ledger).sum();
+    let sum = |lights: &[Shining]| lights.iter().map(|(l, _)| l.flux).sum::<Vec3>();
+    let (flux_old, flux_new) = (sum(&old), sum(&new));
+    let (gone, come) = (alone(&old, &new), alone(&new, &old));
+    let moved = |lights: &[Shining]| -> f64 {
+        let share = |l: &VirtualLight| if l.direct { 1.0 } else { RESHAPED };
+        lights.iter().map(|(l, _)| share(l) * lumens(l.flux)).sum()
+    };
+    let wrong = lumens((flux_new - flux_old).abs()).max(moved(&gone).max(moved(&come)));
+    let whole = lumens(flux_old).max(lumens(flux_new));
+    let keys = |cells: &[CellId]| cells.iter().map(&key).sum::<f64>();
+    // The same light in other cells.
+    let balancing = !subtract.is_empty() && subtract != add && invalid == 0.0;
+    let changing = || gone.iter().chain(&come).map(|(l, _)| *l);
+    let costs = |lights: &[Shining]| lights.iter().map(|(l, _)| cost(l)).sum::<f64>();
+    // What stays has to follow the scene.
+    let stays = LIMITED * (costs(&new) - costs(&come));
+    let gain = if balancing {
+        (keys(&subtract) - keys(&add)).abs()
+    } else {
+        wrong
+    };
+    Update {
+        kind: if balancing {
+            Kind::Balancing
+        } else {
+            Kind::Validation
+        },
+        gain,
+        visible: if balancing {
+            gain
+        } else {
+            (unlike(&gone, &come) + unlike(&come, &gone)).sqrt()
+        },
+        invalid: share_of(wrong.max(invalid), whole),
+        cost: (changing().map(cost).sum::<f64>() + stays).max(LIMITED),
+        lights: changing().count() as u64,
+        what: What::Exchange { subtract, add },
+    }
+}
+
+/// Evaluating a light once, in units of an indirect one.
+fn cost(light: &VirtualLight) -> f64 {
+    if light.direct { DIRECT } else { 1.0 }
+}
+
+/// The update that brings a held cell to the current version; `regions` is where that differs from the cell's, `invalid`
+/// what validation found wrong in it, lumens, `towards` what of it goes to those regions.
+pub(in crate::bake) fn advance(
+    cell: CellId,
+    held: &Held,
+    regions: &[Region],
+    invalid: f64,
+    towards: Option<Towards>,
+) -> Update {
+    let lights = &held.selected.lights;
+    // Lumens that are spread over what the regions show.
+    let all: f64 = regions.iter().map(shown).sum();
+    let spread = invalid / all.max(f64::MIN_POSITIVE).sqrt();
+    let part = |l: &VirtualLight| regions.iter().map(|r| covered(l, r)).sum::<f64>().min(1.0);
+    let evaluated = |l| cost(l) * (LIMITED + (1.0 - LIMITED) * part(l));
+    let gain = invalid.max(towards.map_or(0.0, |t| t.met));
+    Update {
+        kind: Kind::Validation,
+        what: What::Advance(cell),
+        gain,
+        visible: towards.map_or(spread, |t| t.seen.max(UNSURE * spread)),
+        invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
+        cost: lights.iter().map(evaluated).sum::<f64>().max(LIMITED),
+        lights: lights.len() as u64,
+    }
+}
+
+fn share_of(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 {
+        (part / whole).min(1.0)
+    } else {
+        0.0
+    }
+}
+
+/// Whether an update is about direct light alone.
+pub(in crate::bake) fn all_direct(subtract: &[CellId], add: &[CellId]) -> bool {
+    let mut cells = subtract.iter().chain(add);
+    cells.all(|c| matches!(c, CellId::Aperture { .. }))
+}
+
+#[cfg(test)]
+mod tests;

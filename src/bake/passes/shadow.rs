@@ -1,0 +1,399 @@
+//! Depth maps of a batch of lights: cull chunks per face, draw small triangles, then large ones; first those chunks that hide
+//! much, then what they do not hide.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::bake::device::list::Heads;
+use crate::bake::device::pool::grow;
+use crate::bake::device::records::View;
+use crate::bake::device::shaders;
+use crate::bake::device::shared::{BATCH, CHUNK, VIEW_BLOCKS, VIEW_HEMICUBE};
+use crate::bake::job::report::ShadowCounts;
+use crate::bake::world::occluders::Occluders;
+use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
+
+/// Entries of the list of large triangles; what does not fit is drawn, more slowly, by the pass for small ones.
+const LARGE_CAPACITY: u32 = 1 << 20;
+/// Pixels of a triangle's bounding rectangle up to which it counts as small.
+const SMALL_PIXELS: u32 = 96;
+/// Pixels that a chunk's triangles cover on average if it is drawn before it is told what is hidden.
+const FIRST_PIXELS: f32 = 4.0;
+/// Scenes of fewer chunks are drawn at once.
+const FEW_CHUNKS: u32 = 256;
+/// Most views of a batch: points have two, their differences four.
+pub(in crate::bake) const MAX_VIEWS: u64 = 2 * BATCH as u64;
+
+/// The shadow passes and their buffers.
+pub(in crate::bake) struct ShadowPass {
+    /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone; for views without
+    /// limits, and with.
+    cull: [[Pipeline; 4]; 2],
+    /// Chunks that an invocation of these looks at.
+    each: u32,
+    /// For views without limits, and with.
+    blocks_of: [Pipeline; 2],
+    /// For whole triangles, and for those with cutouts.
+    drawings: [Drawing; 2],
+    heads: Heads,
+    views: Buffer,
+    depth: Buffer,
+    blocks: Buffer,
+    /// Scenes of fewer chunks are drawn at once: nothing is looked for that is hidden.
+    few: u32,
+    /// Maps and faces drawn so far, and triangles that were there to be drawn into them.
+    drawn: [u64; 3],
+}
+
+/// Which chunks are drawn.
+#[derive(Clone, Copy)]
+enum Which {
+    All,
+    First,
+    Rest,
+    Own,
+}
+
+/// The passes and lists for one kind of triangle; made when the first one comes.
+struct Drawing {
+    masked: bool,
+    made: Option<Made>,
+}
+
+struct Made {
+    /// For views without limits, and with.
+    small: [Pipeline; 2],
+    large: [Pipeline; 2],
+    list: Buffer,
+    large_list: Buffer,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct CullPush {
+    chunks: Address,
+    instances: Address,
+    views: Address,
+    list: Address,
+    head: Address,
+    blocks: Address,
+    chunk_count: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct BlocksPush {
+    views: Address,
+    depth: Address,
+    blocks: Address,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct SmallPush {
+    triangles: Address,
+    chunks: Address,
+    views: Address,
+    list: Address,
+    head: Address,
+    large: Address,
+    large_head: Address,
+    depth: Address,
+    cutouts: Address,
+    bits: Address,
+    large_capacity: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct LargePush {
+    triangles: Address,
+    views: Address,
+    large: Address,
+    large_head: Address,
+    depth: Address,
+    cutouts: Address,
+    bits: Address,
+    large_capacity: u32,
+}
+
+/// Lists, of whole triangles and of masked ones.
+const CHUNKS: [u32; 2] = [0, 1];
+const LARGE: [u32; 2] = [2, 3];
+
+impl Drawing {
+    /// Ready to draw from among `chunks`.
+    fn ready(&mut self, gpu: &Gpu, cmd: &mut Commands, chunks: u32) -> Result<&Made> {
+        let entries = u64::from(chunks) * 5 * MAX_VIEWS * 8;
+        let mut made = match self.made.take() {
+            Some(made) => made,
+            None => {
+                // A SIMD register of lavapipe, where every invocation reads a view by itself, so that several triangles share the
+                // reading; elsewhere what runs together, and a triangle an invocation.
+                let [lanes, small] = match gpu.info().kind {
+                    "CPU" => [8, 8],
+                    _ => [32, CHUNK],
+                };
+                let large_bytes = u64::from(LARGE_CAPACITY) * 8;
+                let masked = self.masked.into();
+                let smalls = |limited| {
+                    let constants = [SMALL_PIXELS, masked, small, limited];
+                    gpu.pipeline(shaders::SHADOW_SMALL, &constants)
+                };
+                let larges =
+                    |limited| gpu.pipeline(shaders::SHADOW_LARGE, &[masked, lanes, limited]);
+                Made {
+                    small: [smalls(0)?, smalls(1)?],
+                    large: [larges(0)?, larges(1)?],
+                    list: gpu.buffer("shadow chunks", entries, Memory::Device)?,
+                    large_list: gpu.buffer(
+                        "shadow large triangles",
+                        large_bytes,
+                        Memory::Device,
+                    )?,
+                }
+            }
+        };
+        grow(gpu, cmd, &mut made.list, entries)?;
+        Ok(self.made.insert(made))
+    }
+}
+
+impl ShadowPass {
+    /// `depth_elements`: pixels that the depth maps of one batch may take together.
+    pub(in crate::bake) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
+        let each = if gpu.info().kind == "CPU" { 6 } else { 1 };
+        let cull = |which, limited| {
+            let constants = [which, FIRST_PIXELS.to_bits(), each, limited];
+            gpu.pipeline(shaders::SHADOW_CULL, &constants)
+        };
+        let culls = |limited| {
+            Ok([
+                cull(0, limited)?,
+                cull(1, limited)?,
+                cull(2, limited)?,
+                cull(3, limited)?,
+            ])
+        };
+        let blocks_of = |limited| gpu.pipeline(shaders::DEPTH_BLOCKS, &[limited]);
+        Ok(Self {
+            cull: [culls(0)?, culls(1)?],
+            blocks_of: [blocks_of(0)?, blocks_of(1)?],
+            each,
+            drawings: [false, true].map(|masked| Drawing { masked, made: None }),
+            heads: Heads::new(gpu, "shadow lists", 4)?,
+            views: gpu.buffer(
+                "shadow views",
+                MAX_VIEWS * size_of::<View>() as u64,
+                Memory::Device,
+            )?,
+            depth: gpu.buffer("shadow depth", depth_elements * 4, Memory::Device)?,
+            blocks: gpu.buffer(
+                "shadow blocks",
+                MAX_VIEWS * u64::from(VIEW_BLOCKS) * 4,
+                Memory::Device,
+            )?,
+            few: FEW_CHUNKS,
+            drawn: [0; 3],
+        })
+    }
+
+    /// Whether what is hidden is left out, in scenes of any size.
+    #[cfg(test)]
+    pub(in crate::bake) fn set_occlusion(&mut self, on: bool) {
+        self.few = if on { 0 } else { u32::MAX };
+    }
+
+    pub(super) fn views(&self) -> Address {
+        self.views.address()
+    }
+
+    /// Pixels that one batch's depth maps may take together.
+    pub(in crate::bake) fn elements(&self) -> u64 {
+        self.depth.size() / 4
+    }
+
+    /// The first `elements` of the depth maps drawn last.
+    pub(in crate::bake) fn read_depth(&self, elements: usize) -> Result<Vec<f32>> {
+        self.depth.read(0..elements)
+    }
+
+    /// Waits, then says what was drawn so far.
+    pub(in crate::bake) fn counts(&self) -> Result<ShadowCounts> {
+        let totals = self.heads.totals()?;
+        let sum = |lists: [u32; 2], of: usize| lists.map(|l| totals[l as usize][of]).iter().sum();
+        let [maps, faces, offered] = self.drawn;
+        Ok(ShadowCounts {
+            maps,
+            faces,
+            offered,
+            chunks: sum(CHUNKS, 0),
+            triangles: sum(CHUNKS, 1),
+            large: sum(LARGE, 0),
+        })
+    }
+
+    /// What hides in the maps drawn last: see [`crate::bake::device::shared::VIEW_BLOCKS`].
+    pub(super) fn blocks(&self) -> Address {
+        self.blocks.address()
+    }
+
+    pub(super) fn depth(&self) -> Address {
+        self.depth.address()
+    }
+
+    /// Draws `views`, those that borrow after those they borrow from; the maps can be read by compute shaders after the next barrier. `instances`: the table that says
+    /// which chunks stand in a view's version. `blocks`: [`ShadowPass::blocks`] will be asked for.
+    pub(in crate::bake) fn record(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        occluders: &Occluders,
+        instances: Address,
+        views: &[View],
+        blocks: bool,
+    ) -> Result<()> {
+        let elements: u64 = views.iter().map(pixels).sum();
+        let faces = |v: &View| if v.kind == VIEW_HEMICUBE { 5 } else { 1 };
+        let faces: u64 = views.iter().map(faces).sum();
+        let new = [views.len() as u64, faces, faces * occluders.triangles()];
+        (0..3).for_each(|i| self.drawn[i] += new[i]);
+        cmd.upload(&self.views, 0, views)?;
+        cmd.fill(&self.depth, 0, elements * 4, 0);
+        let chunks = occluders.whole.count().max(occluders.masked.count());
+        if chunks < self.few {
+            self.draw(gpu, cmd, occluders, instances, views, Which::All)?;
+        } else {
+            self.draw(gpu, cmd, occluders, instances, views, Which::First)?;
+            self.find_blocks(cmd, views);
+            self.draw(gpu, cmd, occluders, instances, views, Which::Rest)?;
+        }
+        if views.iter().any(|v| v.borrows != 0) {
+            self.lend(cmd, views);
+            self.draw(gpu, cmd, occluders, instances, views, Which::Own)?;
+        }
+        if blocks {
+            self.find_blocks(cmd, views);
+        }
+        Ok(())
+    }
+
+    /// Copies what is drawn so far, which stands in both versions of a light, to the views that show it in the other version.
+    fn lend(&self, cmd: &mut Commands, views: &[View]) {
+        cmd.barrier(Stage::Compute, Stage::Transfer);
+        cmd.scope("shadow lend", |cmd| {
+            for (at, view) in views.iter().enumerate().filter(|(_, v)| v.borrows != 0) {
+                let from = u64::from(views[at - view.borrows as usize].offset) * 4;
+                let to = u64::from(view.offset) * 4;
+                cmd.copy(&self.depth, from, &self.depth, to, pixels(view) * 4);
+            }
+        });
+        cmd.barrier(Stage::Transfer, Stage::Compute);
+    }
+
+    /// What hides, block by block, in `views` as they are drawn so far.
+    fn find_blocks(&self, cmd: &mut Commands, views: &[View]) {
+        cmd.barrier(Stage::Compute, Stage::Compute);
+        cmd.scope("depth blocks", |cmd| {
+            let push = BlocksPush {
+                views: self.views.address(),
+                depth: self.depth.address(),
+                blocks: self.blocks.address(),
+            };
+            let pipeline = &self.blocks_of[limited(views)];
+            cmd.dispatch(pipeline, &push, [VIEW_BLOCKS, views.len() as u32, 1]);
+        });
+        cmd.barrier(Stage::All, Stage::All);
+    }
+
+    /// Draws some of the chunks into `views`.
+    fn draw(
+        &mut self,
+        gpu: &Gpu,
+        cmd: &mut Commands,
+        occluders: &Occluders,
+        instances: Address,
+        views: &[View],
+        which: Which,
+    ) -> Result<()> {
+        let limited = limited(views);
+        self.heads.clear(cmd);
+        let (views_at, depth) = (self.views.address(), self.depth.address());
+        let mut drawings = Vec::new();
+        for ((kind, drawing), chunks) in (0..)
+            .zip(&mut self.drawings)
+            .zip([&occluders.whole, &occluders.masked])
+        {
+            if chunks.count() > 0 {
+                drawings.push((kind, drawing.ready(gpu, cmd, chunks.count())?, chunks));
+            }
+        }
+        cmd.barrier(Stage::Transfer, Stage::Compute);
+        cmd.scope("shadow cull", |cmd| {
+            for (kind, made, chunks) in &drawings {
+                let push = CullPush {
+                    chunks: chunks.chunks.address(),
+                    instances,
+                    views: views_at,
+                    list: made.list.address(),
+                    head: self.heads.address(CHUNKS[*kind]),
+                    blocks: self.blocks.address(),
+                    chunk_count: chunks.count(),
+                };
+                cmd.dispatch(
+                    &self.cull[limited][which as usize],
+                    &push,
+                    [chunks.count().div_ceil(self.each), views.len() as u32, 1],
+                );
+            }
+            self.heads.finish(cmd, &CHUNKS);
+        });
+        cmd.scope("shadow small", |cmd| {
+            for (kind, made, chunks) in &drawings {
+                let push = SmallPush {
+                    triangles: chunks.triangles.address(),
+                    chunks: chunks.chunks.address(),
+                    views: views_at,
+                    list: made.list.address(),
+                    head: self.heads.address(CHUNKS[*kind]),
+                    large: made.large_list.address(),
+                    large_head: self.heads.address(LARGE[*kind]),
+                    depth,
+                    cutouts: chunks.cutouts.address(),
+                    bits: occluders.bits.address(),
+                    large_capacity: LARGE_CAPACITY,
+                };
+                self.heads
+                    .dispatch(cmd, &made.small[limited], &push, CHUNKS[*kind]);
+            }
+            self.heads.finish(cmd, &LARGE);
+        });
+        cmd.scope("shadow large", |cmd| {
+            for (kind, made, chunks) in &drawings {
+                let push = LargePush {
+                    triangles: chunks.triangles.address(),
+                    views: views_at,
+                    large: made.large_list.address(),
+                    large_head: self.heads.address(LARGE[*kind]),
+                    depth,
+                    cutouts: chunks.cutouts.address(),
+                    bits: occluders.bits.address(),
+                    large_capacity: LARGE_CAPACITY,
+                };
+                self.heads
+                    .dispatch(cmd, &made.large[limited], &push, LARGE[*kind]);
+            }
+        });
+        Ok(())
+    }
+}
+
+/// 1 where some of the views may have limits, those of differences: else nobody need ask for them.
+fn limited(views: &[View]) -> usize {
+    usize::from(views.iter().any(|v| v.version != v.other))
+}
+
+/// Pixels of a view's depth map.
+fn pixels(view: &View) -> u64 {
+    let faces = if view.kind == VIEW_HEMICUBE { 3 } else { 1 };
+    faces * u64::from(view.size) * u64::from(view.size)
+}

@@ -1,0 +1,400 @@
+//! Changes the lightmap on the device: adds and subtracts virtual lights, each in the version of the scene that it is held
+//! under, in batches whose size follows measured time.
+
+mod allowance;
+mod sending;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
+use std::time::Instant;
+
+use crate::bake::device::records::{self, Region, ShadowSizes};
+use crate::bake::device::shared::BATCH;
+use crate::bake::job::report::ShadowCounts;
+use crate::bake::passes::accumulate::{self, AccumulatePass, Evaluation};
+use crate::bake::passes::shadow::ShadowPass;
+use crate::bake::world::occluders::Occluders;
+use crate::bake::world::place::Receivers;
+use crate::bake::world::versions::{Boxes, Version, Versions};
+use crate::cluster::{Shape, VirtualLight};
+use crate::gpu::{Buffer, Gpu, Result, Stage, Ticket};
+use crate::lightmap::texels::Texels;
+use crate::scene::Scene;
+use allowance::{Allowance, Costs, Counts};
+
+/// Depth pixels of one batch: 256 MiB.
+const DEPTH_ELEMENTS: u64 = 64 << 20;
+/// Lights of the first submission there, before anything is known.
+const FIRST_BATCH: usize = 4;
+/// Whether a light's contribution is added or taken away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Its light comes.
+    Add,
+    /// Its light goes, bit for bit as it came.
+    Subtract,
+}
+
+/// A light on its way to the device.
+#[derive(Clone, Debug)]
+struct Pending {
+    light: VirtualLight,
+    /// What becomes of it in its version, if it comes or goes as a whole.
+    sign: Sign,
+    version: Version,
+    /// The version that a difference takes it away from; the same where the whole light comes or goes.
+    other: Version,
+    /// The number of the update that it is part of.
+    update: u64,
+}
+
+impl Pending {
+    /// Which passes evaluate it: those for indirect lights, or for direct ones.
+    fn queue(&self) -> usize {
+        usize::from(self.light.direct)
+    }
+
+    /// What it takes, as [`Costs`] counts.
+    fn kind(&self) -> usize {
+        self.queue() + 2 * usize::from(self.version != self.other)
+    }
+}
+
+/// Lights that fill batches of their own, because other passes evaluate them.
+#[derive(Default)]
+struct Queue {
+    pending: Vec<Pending>,
+    /// Batches of the other queue that were sent since.
+    waited: u32,
+}
+
+/// The device side of a bake: occluders, receivers, passes, and the sums they work on.
+pub struct Illumination {
+    gpu: Gpu,
+    versions: Versions,
+    occluders: Occluders,
+    receivers: Receivers,
+    shadow: ShadowPass,
+    accumulate: AccumulatePass,
+    sizes: ShadowSizes,
+    /// By [`Pending::queue`].
+    queues: [Queue; 2],
+    in_flight: VecDeque<Flight>,
+    /// Lights per submission, so that it stays below [`SUBMISSION`].
+    batch: usize,
+    /// The most that somebody wants.
+    batch_limit: Option<u32>,
+    /// What may be sent before there is more of it; none: everything, at once.
+    allowance: Option<Allowance>,
+    costs: Costs,
+    /// Updates taken in so far.
+    updates: u64,
+    /// The last one of which lights were sent.
+    touched: u64,
+    /// Sent so far, indirect and direct ones.
+    lights: [u64; 2],
+    pairs: BTreeMap<&'static str, u64>,
+    shadows: ShadowCounts,
+}
+
+/// A submission.
+struct Flight {
+    ticket: Ticket,
+    sent: Instant,
+    /// Indirect and direct lights.
+    lights: [u64; 2],
+    /// The same, by what they take.
+    kinds: Counts,
+}
+
+impl Flight {
+    /// One without lights.
+    fn of(ticket: Ticket) -> Self {
+        Self {
+            ticket,
+            sent: Instant::now(),
+            lights: [0; 2],
+            kinds: Counts::default(),
+        }
+    }
+}
+
+impl Illumination {
+    pub(super) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        texels: &Texels,
+        sizes: ShadowSizes,
+        evaluation: Evaluation,
+    ) -> Result<Self> {
+        let square = |size: u32| u64::from(size) * u64::from(size);
+        // A difference has its maps twice.
+        let largest = 2
+            * (6 * square(sizes.direct))
+                .max(square(sizes.sun))
+                .max(3 * square(sizes.indirect));
+        let elements = (3 * square(sizes.indirect) * u64::from(BATCH))
+            .min(DEPTH_ELEMENTS)
+            .max(largest);
+        let objects = scene.objects.len() as u32;
+        let standing: Vec<bool> = (0..objects).map(|o| stands(scene, o)).collect();
+        let receivers = Receivers::new(gpu, scene, &standing, texels)?;
+        Ok(Self {
+            versions: Versions::new(gpu, &standing, scene.bounds())?,
+            occluders: Occluders::new(gpu, scene)?,
+            shadow: ShadowPass::new(gpu, elements)?,
+            accumulate: AccumulatePass::new(gpu, &receivers, evaluation)?,
+            gpu: gpu.clone(),
+            receivers,
+            sizes,
+            queues: Default::default(),
+            in_flight: VecDeque::new(),
+            // Nobody kills what runs on a CPU, and larger batches are faster there too.
+            batch: if gpu.info().kind == "CPU" {
+                BATCH as usize
+            } else {
+                FIRST_BATCH
+            },
+            batch_limit: None,
+            allowance: None,
+            costs: Costs::default(),
+            updates: 0,
+            touched: 0,
+            lights: [0; 2],
+            pairs: BTreeMap::new(),
+            shadows: ShadowCounts::default(),
+        })
+    }
+
+    /// Whether what is hidden is left out, in scenes of any size.
+    #[cfg(test)]
+    pub(super) fn set_occlusion(&mut self, on: bool) {
+        self.shadow.set_occlusion(on);
+        self.accumulate.set_occlusion(on);
+    }
+
+    /// Takes all light away at once.
+    pub(super) fn clear(&mut self) -> Result<()> {
+        self.flush()?;
+        self.accumulate.clear(&self.gpu)
+    }
+
+    pub(super) fn limit_batch(&mut self, lights: Option<u32>) {
+        self.batch_limit = lights;
+    }
+
+    /// The version that lights are added under.
+    pub fn version(&self) -> Version {
+        self.versions.current()
+    }
+
+    /// Where a version differs from the current one.
+    pub(super) fn between(&self, version: Version) -> Vec<Region> {
+        let current = self.versions.current();
+        self.versions.between(version, current).lookups
+    }
+
+    /// Begins a version in which `objects` are where `scene` has them; `boxes` bound what they occupied before and what
+    /// they occupy now. `texels`: of all objects; `new`: the tiles that came. `replaced`: tiles of other objects, ascending, that
+    /// have something else near them than before; the boxes for lookups hold the texels of these that it makes a difference to.
+    pub fn change(
+        &mut self,
+        scene: &Scene,
+        texels: &Texels,
+        new: &[Range<u32>],
+        objects: &[u32],
+        replaced: &[u32],
+        boxes: Boxes,
+    ) -> Result<Version> {
+        let _span = tracing::debug_span!("change of the scene").entered();
+        self.send()?;
+        let version = self.versions.begin(scene.bounds(), boxes);
+        let mut cmd = self.gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        if !new.is_empty() {
+            let (gpu, receivers) = (&self.gpu, &mut self.receivers);
+            receivers.bring(gpu, &mut cmd, texels, new)?;
+            self.accumulate.extend(gpu, &mut cmd, receivers, new)?;
+        }
+        let (mut standing, mut instances) = (Vec::new(), Vec::new());
+        for &object in objects {
+            self.versions.end_instance(object);
+            if !stands(scene, object) {
+                continue;
+            }
+            let instance = self.versions.begin_instance(object);
+            self.receivers.add(
+                &self.gpu,
+                &mut cmd,
+                instance,
+                &scene.objects[object as usize].transform,
+                texels,
+                texels.tiles[object as usize].clone(),
+            )?;
+            standing.push(object);
+            instances.push(instance);
+        }
+        let versions = &mut self.versions;
+        let mut begin = |instance, all| versions.begin_part(instance, all);
+        self.receivers
+            .replace(&self.gpu, &mut cmd, scene, texels, replaced, &mut begin)?;
+        self.occluders
+            .add(&self.gpu, &mut cmd, scene, &standing, &instances)?;
+        self.versions.upload(&self.gpu, &mut cmd)?;
+        self.in_flight.push_back(Flight::of(cmd.submit()?));
+        Ok(version)
+    }
+
+    /// No light is held under a version before `oldest` any more: what stood only there makes room.
+    pub fn forget(&mut self, oldest: Version) -> Result<()> {
+        self.send()?;
+        let gone = self.versions.forget(oldest);
+        if gone.is_empty() {
+            return Ok(());
+        }
+        let mut cmd = self.gpu.commands()?;
+        cmd.barrier(Stage::All, Stage::All);
+        self.occluders
+            .remove(&mut cmd, &gone, self.versions.nobody());
+        self.receivers.remove(&mut cmd, &gone);
+        self.versions.upload(&self.gpu, &mut cmd)?;
+        self.in_flight.push_back(Flight::of(cmd.submit()?));
+        Ok(())
+    }
+
+    /// Takes a light in, as it shines in a version of the scene; it is sent with its batch, at the latest by
+    /// [`Illumination::flush`].
+    pub fn push(&mut self, light: VirtualLight, sign: Sign, version: Version) -> Result<()> {
+        self.enter(Pending {
+            light,
+            sign,
+            version,
+            other: version,
+            update: self.updates,
+        })
+    }
+
+    /// Brings a light that was added under one version to another: takes it away where the change between the two can
+    /// make a difference, and adds it there again. The sums become what they would be had the light been added under `to`,
+    /// bit for bit. Returns whether the change can make a difference to it.
+    pub fn push_difference(
+        &mut self,
+        light: &VirtualLight,
+        from: Version,
+        to: Version,
+    ) -> Result<bool> {
+        if from == to {
+            return Ok(false);
+        }
+        let regions = self.versions.between(from, to).lookups;
+        let epsilon = self.accumulate.epsilon();
+        if regions.is_empty() || records::misses(light, &self.sizes, &regions, epsilon) {
+            return Ok(false);
+        }
+        // A parallel light's depth map spans the whole scene: with other bounds every pixel is another.
+        let parallel = matches!(light.shape, Shape::Directional { .. });
+        if parallel && self.versions.bounds(from) != self.versions.bounds(to) {
+            self.push(light.clone(), Sign::Subtract, from)?;
+            self.push(light.clone(), Sign::Add, to)?;
+            return Ok(true);
+        }
+        self.enter(Pending {
+            light: light.clone(),
+            sign: Sign::Add,
+            version: to,
+            other: from,
+            update: self.updates,
+        })?;
+        Ok(true)
+    }
+
+    /// Takes lights away and adds others, each under its version; what is among both only goes from one version to the
+    /// other. Returns how many were taken away, added, and limited to what changed.
+    pub fn exchange(
+        &mut self,
+        leaving: impl IntoIterator<Item = (VirtualLight, Version)>,
+        coming: impl IntoIterator<Item = (VirtualLight, Version)>,
+    ) -> Result<[u64; 3]> {
+        self.updates += 1;
+        let mut evaluated = [0; 3];
+        let mut leaving: Vec<_> = leaving.into_iter().collect();
+        for (light, to) in coming {
+            if let Some(at) = leaving.iter().position(|(old, _)| *old == light) {
+                let (_, from) = leaving.swap_remove(at);
+                evaluated[2] += u64::from(self.push_difference(&light, from, to)?);
+            } else {
+                self.push(light, Sign::Add, to)?;
+                evaluated[1] += 1;
+            }
+        }
+        evaluated[0] = leaving.len() as u64;
+        for (light, from) in leaving {
+            self.push(light, Sign::Subtract, from)?;
+        }
+        Ok(evaluated)
+    }
+
+    pub(super) fn pass(&self) -> &AccumulatePass {
+        &self.accumulate
+    }
+
+    /// Texels, tile by tile.
+    pub(super) fn texels(&self) -> &Buffer {
+        self.receivers.texels()
+    }
+
+    /// Tiles of texels.
+    pub(super) fn tiles(&self) -> u32 {
+        self.receivers.texel_tiles()
+    }
+
+    /// How many pairs of a texel and a light each accumulation scope had evaluated when the sums were last read.
+    pub fn pairs(&self) -> &BTreeMap<&'static str, u64> {
+        &self.pairs
+    }
+
+    /// What was drawn into depth maps when the sums were last read.
+    pub(super) fn shadows(&self) -> ShadowCounts {
+        self.shadows
+    }
+
+    /// Lookups that [`Illumination::pairs`] took at most.
+    pub(super) fn taps(&self) -> BTreeMap<&'static str, u64> {
+        let taps = self.pairs.iter();
+        taps.map(|(&scope, &pairs)| (scope, pairs * u64::from(accumulate::taps(scope))))
+            .collect()
+    }
+
+    /// Virtual lights sent so far, subtractions included; differences count once.
+    pub fn lights_sent(&self) -> u64 {
+        self.lights.iter().sum()
+    }
+
+    /// Waits, then reads the irradiance of every texel slot, in lux.
+    pub fn irradiance(&mut self) -> Result<Vec<[f32; 3]>> {
+        let scale = f64::from(self.accumulate.scale());
+        let sums = self.sums()?;
+        let tile = crate::bake::device::shared::TILE as usize;
+        Ok(sums
+            .chunks_exact(3 * tile)
+            .flat_map(|t| {
+                (0..tile).map(move |i| {
+                    [0, 1, 2].map(|channel| (t[channel * tile + i] as f64 / scale) as f32)
+                })
+            })
+            .collect())
+    }
+
+    /// Waits, then reads the fixed-point sums: per tile 64 reds, 64 greens, 64 blues.
+    pub fn sums(&mut self) -> Result<Vec<i64>> {
+        self.flush()?;
+        self.pairs = self.accumulate.pairs()?;
+        self.shadows = self.shadow.counts()?;
+        self.accumulate.read()
+    }
+}
+
+/// Whether an object is anywhere in a scene.
+pub(super) fn stands(scene: &Scene, object: u32) -> bool {
+    (object as usize) < scene.objects.len() && !scene.is_gone(object)
+}

@@ -1,0 +1,245 @@
+//! What stands near each texel, by rays: how far, and which way, shadow lookups can keep clear of it.
+//!
+//! It depends on the scene around a texel alone, not on how the scene came about: after an edit, texels around what
+//! changed are looked at again, and get what a fresh bake of the edited scene would give them, bit for bit.
+
+use std::ops::Range;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::lightmap::texels::Texels;
+use crate::lightmap::{Clearance, Texel};
+use crate::scene::{Bounds, Scene};
+use crate::transport::SceneBvh;
+use crate::transport::intersect::offset;
+
+/// How far is looked, in texels of the mean density: about what a depth map's pixel spans at the far end of a room.
+const REACH: f32 = 3.0;
+/// Rays along the surface start this share of the reach above it.
+const HEIGHT: f32 = 1.0 / 16.0;
+/// No ray leads further away from its texel than this many times the reach: the last one starts a whole reach along both
+/// axes of the surface away.
+const FURTHEST: f32 = 3.0;
+
+/// Keeps [`Texels::clearances`] up to date.
+pub(in crate::bake) struct Clearances {
+    /// Metres.
+    reach: f32,
+    /// By tile, object space.
+    boxes: Vec<Bounds>,
+}
+
+impl Clearances {
+    /// Finds what stands near each texel; `density` is the mean, texels per metre.
+    pub(in crate::bake) fn new(
+        scene: &Scene,
+        bvh: &SceneBvh,
+        texels: &mut Texels,
+        density: f32,
+    ) -> Self {
+        let mut new = Self {
+            reach: REACH / density,
+            boxes: Vec::new(),
+        };
+        let all = 0..(texels.list.len() / Texel::TILE) as u32;
+        new.extend(texels, std::slice::from_ref(&all));
+        texels.clearances = texels
+            .list
+            .par_iter()
+            .with_min_len(Texel::TILE)
+            .map(|texel| new.around(scene, bvh, texel))
+            .collect();
+        new
+    }
+
+    /// Follows a change of `objects`, which stood and stand in `boxes`: these grow to hold the texels of other objects that
+    /// have something else near them now. Returns the tiles that hold such texels, ascending. What tiles hold that came has
+    /// to be [told](Clearances::extend) before.
+    pub(in crate::bake) fn update(
+        &mut self,
+        scene: &Scene,
+        bvh: &SceneBvh,
+        texels: &mut Texels,
+        objects: &[u32],
+        boxes: &mut [Bounds],
+    ) -> Vec<u32> {
+        texels.clearances.resize(texels.list.len(), Clearance::OPEN);
+        let wide: Vec<Bounds> = boxes.iter().map(|b| self.widened(b)).collect();
+        let whole = wide.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+        let live = (0..scene.objects.len() as u32).filter(|o| !scene.is_gone(*o));
+        let tiles: Vec<(u32, bool)> = live
+            .flat_map(|object| {
+                let changed = objects.binary_search(&object).is_ok();
+                let own = texels.tiles.get(object as usize).cloned();
+                let own = own.unwrap_or_default();
+                own.map(move |tile| (object, tile, changed))
+            })
+            .filter(|&(object, tile, changed)| {
+                changed || {
+                    let tile = self.world_box(scene, object, tile);
+                    meet(&tile, &whole) && wide.iter().any(|b| meet(&tile, b))
+                }
+            })
+            .map(|(_, tile, changed)| (tile, changed))
+            .collect();
+        let list = &texels.list;
+        let old = &texels.clearances;
+        // Of each tile, what is not as before: the entry, where it is, and what is near it now.
+        let found: Vec<Vec<(usize, Vec3, Clearance)>> = tiles
+            .par_iter()
+            .map(|&(tile, changed)| {
+                let entries = tile as usize * Texel::TILE..(tile as usize + 1) * Texel::TILE;
+                entries
+                    .filter_map(|i| {
+                        let position = world(scene, &list[i]);
+                        let here = Bounds {
+                            min: position,
+                            max: position,
+                        };
+                        if !changed && !wide.iter().any(|b| meet(&here, b)) {
+                            return None;
+                        }
+                        let new = self.around(scene, bvh, &list[i]);
+                        (new != old[i]).then_some((i, position, new))
+                    })
+                    .collect()
+            })
+            .collect();
+        let mut replaced = Vec::new();
+        for ((tile, changed), found) in tiles.into_iter().zip(found) {
+            if !changed && !found.is_empty() {
+                replaced.push(tile);
+            }
+            for (entry, position, new) in found {
+                texels.clearances[entry] = new;
+                let near = boxes
+                    .iter_mut()
+                    .zip(&wide)
+                    .find(|(_, wide)| !changed && holds(wide, position));
+                if let Some((own, _)) = near {
+                    *own = own.with(position);
+                }
+            }
+        }
+        replaced.sort_unstable();
+        replaced
+    }
+
+    /// Boxes of tiles that came.
+    pub(in crate::bake) fn extend(&mut self, texels: &Texels, new: &[Range<u32>]) {
+        let tiles = texels.list.len() / Texel::TILE;
+        self.boxes.resize(tiles, Bounds::EMPTY);
+        for tile in new.iter().flat_map(|range| range.clone()) {
+            let first = tile as usize * Texel::TILE;
+            let own = texels.list[first..first + Texel::TILE].iter();
+            let positions = own.map(|texel| Vec3::from_array(texel.position));
+            self.boxes[tile as usize] = positions.fold(Bounds::EMPTY, Bounds::with);
+        }
+    }
+
+    fn widened(&self, bounds: &Bounds) -> Bounds {
+        // Rounding must not let anything out.
+        let by = Vec3::splat(FURTHEST * self.reach) + (bounds.min.abs() + bounds.max.abs()) * 1e-5;
+        Bounds {
+            min: bounds.min - by,
+            max: bounds.max + by,
+        }
+    }
+
+    fn world_box(&self, scene: &Scene, object: u32, tile: u32) -> Bounds {
+        let own = &self.boxes[tile as usize];
+        let transform = &scene.objects[object as usize].transform;
+        let center = transform.transform_point3(own.center());
+        let half = 0.5 * own.size();
+        let axes = transform.matrix3;
+        let half: Vec3 =
+            (axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z)
+                .into();
+        let half = half + (center.abs() + half) * 1e-5;
+        Bounds {
+            min: center - half,
+            max: center + half,
+        }
+    }
+
+    fn around(&self, scene: &Scene, bvh: &SceneBvh, texel: &Texel) -> Clearance {
+        let transform = &scene.objects[texel.object as usize].transform;
+        let face = (transform.matrix3.inverse().transpose() * Vec3::from_array(texel.face))
+            .normalize_or_zero();
+        if texel.pixel == Texel::NONE || face == Vec3::ZERO {
+            return Clearance::OPEN;
+        }
+        let position = world(scene, texel);
+        let reach = self.reach;
+        let origin = offset(position, face);
+        let free = |from: Vec3, way: Vec3, most: f32| {
+            bvh.closest(scene, from, way, most)
+                .map_or(most, |hit| hit.t)
+        };
+        let above = free(origin, face, reach);
+        let room = |distance: f32| {
+            if distance < reach {
+                distance
+            } else {
+                Clearance::OPEN.room
+            }
+        };
+        let start = origin + face * (reach * HEIGHT).min(0.5 * above);
+        let (u, v) = face.any_orthonormal_pair();
+        let (mut push, mut most, mut near) = (Vec3::ZERO, 0.0f32, reach);
+        for axis in [u, v] {
+            // Mostly there is nothing: one ray tells for both ways.
+            if !bvh.occluded(scene, start - axis * reach, axis, 2.0 * reach) {
+                continue;
+            }
+            let [ahead, behind] = [axis, -axis].map(|way| free(start, way, reach));
+            near = near.min(ahead).min(behind);
+            // Between two walls to the middle, else a whole reach away from the one there is.
+            let way = match (ahead < reach, behind < reach) {
+                (true, true) => 0.5 * (ahead - behind),
+                (true, false) => ahead - reach,
+                (false, true) => reach - behind,
+                (false, false) => 0.0,
+            };
+            push += axis * way;
+            most = most.max(way.abs());
+        }
+        let open = Clearance {
+            room: room(above),
+            ..Clearance::OPEN
+        };
+        if most <= 0.0 {
+            return open;
+        }
+        let (length, way) = (push.length(), push.normalize());
+        let share = (0.5 * free(start, way, 2.0 * length) / length).min(1.0);
+        let push = push * share;
+        if share * most < 1e-6 * reach {
+            return open;
+        }
+        let above = above.min(free(start + push, face, reach));
+        Clearance {
+            push: (push / (share * most)).to_array(),
+            near,
+            way: share * most,
+            room: room(above),
+        }
+    }
+}
+
+fn world(scene: &Scene, texel: &Texel) -> Vec3 {
+    let transform = &scene.objects[texel.object as usize].transform;
+    transform.transform_point3(Vec3::from_array(texel.position))
+}
+
+fn meet(a: &Bounds, b: &Bounds) -> bool {
+    a.min.cmple(b.max).all() && b.min.cmple(a.max).all()
+}
+
+fn holds(bounds: &Bounds, point: Vec3) -> bool {
+    bounds.min.cmple(point).all() && point.cmple(bounds.max).all()
+}
+
+#[cfg(test)]
+mod tests;
