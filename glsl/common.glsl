@@ -84,7 +84,16 @@ struct Chunk {
     vec3 center;
     vec3 extent; // half the box
     uint count;  // triangles: chunk c has those from c * CHUNK on
+};
+
+// Chunks that lie together, of one instance: its triangles, or, the coarser the fewer, others that stand for them.
+struct Group {
+    vec3 center;
+    vec3 extent;        // half the box
     uint instance;
+    uint first[LEVELS]; // chunk,
+    uint count[LEVELS]; // and how many there are
+    float cell[LEVELS]; // how far their vertices may lie from those of the triangles, metres; 0: there is no such level
 };
 
 // A hemicube of inverse depths, or an orthographic map of scaled depths.
@@ -95,6 +104,7 @@ struct View {
     uint size;     // pixels along the edge of the top face; the four side faces are half as high
     uint kind;     // VIEW_*
     float cos_cone; // nothing outside this cone around the pole is asked for
+    float coarse;   // how coarse occluders may be (Group.cell), per metre of distance
     uint version;
     uint other;    // the version that its light's other view shows; its own where there is none
     uint borrows;  // not 0: what stands in both versions is drawn in the view so many before this one, and copied
@@ -136,6 +146,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Reg
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Triangles { Triangle at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cutouts { Cutout at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Chunks { Chunk at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Groups { Group at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Views { View at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { Light at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Uints { uint at[]; };

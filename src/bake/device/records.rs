@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::shared::*;
 use crate::lightmap::Clearance;
-pub(in crate::bake) use lights::{ShadowSizes, Surroundings, misses, record};
+pub(in crate::bake) use lights::{ShadowSizes, Surroundings, coarse, misses, record};
 
 /// `Receiver`.
 #[repr(C)]
@@ -79,7 +79,18 @@ pub(in crate::bake) struct Chunk {
     pub center: [f32; 3],
     pub extent: [f32; 3],
     pub count: u32,
+}
+
+/// `Group`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(in crate::bake) struct Group {
+    pub center: [f32; 3],
+    pub extent: [f32; 3],
     pub instance: u32,
+    pub first: [u32; LEVELS as usize],
+    pub count: [u32; LEVELS as usize],
+    pub cell: [f32; LEVELS as usize],
 }
 
 /// Counts edits of the scene; 0 is the scene as loaded.
@@ -114,6 +125,7 @@ pub(in crate::bake) struct View {
     pub size: u32,
     pub kind: u32,
     pub cos_cone: f32,
+    pub coarse: f32,
     pub version: u32,
     pub other: u32,
     pub borrows: u32,

@@ -5,6 +5,8 @@ pub const MACROS: &[(&str, u32)] = &[
     ("NONE", NONE),
     ("TILE", TILE),
     ("CHUNK", CHUNK),
+    ("GROUP", GROUP),
+    ("LEVELS", LEVELS),
     ("BATCH", BATCH),
     ("BLOCKS", BLOCKS),
     ("VIEW_BLOCKS", VIEW_BLOCKS),
@@ -51,6 +53,10 @@ pub const NONE: u32 = u32::MAX;
 pub const TILE: u32 = 64;
 /// Triangles per chunk: one workgroup of the shadow pass.
 pub const CHUNK: u32 = 64;
+/// Chunks of a group at most.
+pub const GROUP: u32 = 32;
+/// What a group may be drawn as: its triangles, or fewer that stand for them.
+pub const LEVELS: u32 = 4;
 /// Rows of a large triangle that one workgroup draws, at least 8 at a time: lavapipe ends an invocation's loops after 65,535 rounds in
 /// all, and the widest map has 8,192 columns.
 pub const LARGE_ROWS: u32 = 32;

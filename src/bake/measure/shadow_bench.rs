@@ -6,6 +6,7 @@ use glam::Vec3;
 
 use crate::bake::device::records::View;
 use crate::bake::device::records::asked::ALL;
+use crate::bake::device::records::coarse;
 use crate::bake::device::shared::{BATCH, FACES, VIEW_HEMICUBE};
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::passes::shadow::ShadowPass;
@@ -103,6 +104,7 @@ impl ShadowBench {
                     size,
                     kind: VIEW_HEMICUBE,
                     cos_cone: 0.0,
+                    coarse: coarse(size),
                     version: 0,
                     other: 0,
                     borrows: 0,

@@ -126,6 +126,58 @@ fn slivers_are_no_nearer_than_their_vertices() {
     assert!(depth.iter().any(|d| *d > 0.0), "something was drawn");
 }
 
+/// What stands for fine triangles where pixels are larger hides what they hide, but for a pixel at outlines and a share of a
+/// pixel in depth.
+#[test]
+fn coarser_occluders_hide_what_their_triangles_do() {
+    let (gpu, mut numbers) = (gpu(), Numbers(7));
+    let light = VirtualLight {
+        position: Vec3::ZERO,
+        normal: Vec3::Z,
+        ..random_light(&mut numbers, 1)
+    };
+    // Hilly ground all around, and nothing between its hills and the light.
+    let at = |i: i32, j: i32| {
+        let (x, y) = (i as f32 * 0.1, j as f32 * 0.1);
+        Vec3::new(x, y, 6.0 + (0.7 * x).sin() * (0.9 * y).cos())
+    };
+    let squares = (-80..80).flat_map(|i| (-80..80).map(move |j| (i, j)));
+    let ground: Vec<[Vec3; 3]> = squares
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    let scene = Scene::of_triangles(&ground);
+    let occluders = Occluders::new(&gpu, &scene).expect("upload");
+    let mut shadow = ShadowPass::new(&gpu, 1 << 20).expect("buffers");
+    let versions = Versions::new(&gpu, &[true], bounds()).expect("buffers");
+    let (mut views, mut offset) = (Vec::new(), 0);
+    records::record(&light, 1, &SIZES, &around(), &mut views, &mut offset);
+    let mut draw = |views: &[View]| {
+        let before = shadow.counts().expect("read-back").triangles;
+        let mut cmd = gpu.commands().expect("recording");
+        shadow
+            .record(&gpu, &mut cmd, &occluders, versions.address(), views, true)
+            .expect("recording");
+        let wait = cmd.submit().expect("submission").wait();
+        wait.expect("no validation message");
+        let depth = shadow.read_depth(offset as usize).expect("read-back");
+        let after = shadow.counts().expect("read-back").triangles;
+        (depth, after - before)
+    };
+    let coarse = views[0].coarse;
+    let (fewer, drawn) = draw(&views);
+    views[0].coarse = 0.0;
+    let (all, every) = draw(&views);
+    assert!(2 * drawn < every, "{drawn} of {every} triangles");
+    let lit = all.iter().filter(|d| **d > 0.0).count();
+    let pairs = || all.iter().zip(&fewer).filter(|(a, _)| **a > 0.0);
+    let off = |(a, b): &(&f32, &f32)| (1.0 / **a - 1.0 / **b).abs() > 4.0 * coarse / **a;
+    let wrong = pairs().filter(off).count();
+    assert!(lit > 1000 && 50 * wrong < lit, "{wrong} of {lit} pixels");
+}
+
 #[test]
 fn masked_texels_let_light_pass() {
     const SIZE: usize = 37;

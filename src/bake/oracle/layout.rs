@@ -95,7 +95,17 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(records::Chunk, center),
                 offset_of!(records::Chunk, extent),
                 offset_of!(records::Chunk, count),
-                offset_of!(records::Chunk, instance),
+            ],
+        ),
+        (
+            "Group",
+            &[
+                offset_of!(records::Group, center),
+                offset_of!(records::Group, extent),
+                offset_of!(records::Group, instance),
+                offset_of!(records::Group, first),
+                offset_of!(records::Group, count),
+                offset_of!(records::Group, cell),
             ],
         ),
         (
@@ -109,6 +119,7 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(records::View, size),
                 offset_of!(records::View, kind),
                 offset_of!(records::View, cos_cone),
+                offset_of!(records::View, coarse),
                 offset_of!(records::View, version),
                 offset_of!(records::View, other),
                 offset_of!(records::View, borrows),

@@ -2,6 +2,8 @@
 //! added up, and maps compared.
 
 pub(super) mod accumulate;
+mod depth_blocks;
 pub(super) mod residual;
 pub(super) mod shadow;
+mod shadow_groups;
 pub mod uv_raster;

@@ -3,11 +3,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::depth_blocks::BlockPass;
+use super::shadow_groups::{GroupPass, Standing, Uploaded};
 use crate::bake::device::list::Heads;
 use crate::bake::device::pool::grow;
 use crate::bake::device::records::View;
 use crate::bake::device::shaders;
-use crate::bake::device::shared::{BATCH, CHUNK, VIEW_BLOCKS, VIEW_HEMICUBE};
+use crate::bake::device::shared::{BATCH, CHUNK, GROUP, VIEW_HEMICUBE};
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::world::occluders::Occluders;
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
@@ -28,16 +30,13 @@ pub(in crate::bake) struct ShadowPass {
     /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone; for views without
     /// limits, and with.
     cull: [[Pipeline; 4]; 2],
-    /// Chunks that an invocation of these looks at.
-    each: u32,
-    /// For views without limits, and with.
-    blocks_of: [Pipeline; 2],
+    groups: GroupPass,
+    blocks: BlockPass,
     /// For whole triangles, and for those with cutouts.
     drawings: [Drawing; 2],
     heads: Heads,
     views: Buffer,
     depth: Buffer,
-    blocks: Buffer,
     /// Scenes of fewer chunks are drawn at once: nothing is looked for that is hidden.
     few: u32,
     /// Maps and faces drawn so far, and triangles that were there to be drawn into them.
@@ -71,19 +70,11 @@ struct Made {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct CullPush {
     chunks: Address,
-    instances: Address,
+    groups: Address,
     views: Address,
+    from: [Address; 2],
     list: Address,
     head: Address,
-    blocks: Address,
-    chunk_count: u32,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct BlocksPush {
-    views: Address,
-    depth: Address,
     blocks: Address,
 }
 
@@ -161,9 +152,10 @@ impl Drawing {
 impl ShadowPass {
     /// `depth_elements`: pixels that the depth maps of one batch may take together.
     pub(in crate::bake) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
-        let each = if gpu.info().kind == "CPU" { 6 } else { 1 };
+        // A SIMD register of lavapipe, where what an invocation does more shares the reading of the view.
+        let lanes = if gpu.info().kind == "CPU" { 8 } else { GROUP };
         let cull = |which, limited| {
-            let constants = [which, FIRST_PIXELS.to_bits(), each, limited];
+            let constants = [which, FIRST_PIXELS.to_bits(), limited, lanes];
             gpu.pipeline(shaders::SHADOW_CULL, &constants)
         };
         let culls = |limited| {
@@ -174,11 +166,10 @@ impl ShadowPass {
                 cull(3, limited)?,
             ])
         };
-        let blocks_of = |limited| gpu.pipeline(shaders::DEPTH_BLOCKS, &[limited]);
         Ok(Self {
             cull: [culls(0)?, culls(1)?],
-            blocks_of: [blocks_of(0)?, blocks_of(1)?],
-            each,
+            blocks: BlockPass::new(gpu)?,
+            groups: GroupPass::new(gpu)?,
             drawings: [false, true].map(|masked| Drawing { masked, made: None }),
             heads: Heads::new(gpu, "shadow lists", 4)?,
             views: gpu.buffer(
@@ -187,11 +178,6 @@ impl ShadowPass {
                 Memory::Device,
             )?,
             depth: gpu.buffer("shadow depth", depth_elements * 4, Memory::Device)?,
-            blocks: gpu.buffer(
-                "shadow blocks",
-                MAX_VIEWS * u64::from(VIEW_BLOCKS) * 4,
-                Memory::Device,
-            )?,
             few: FEW_CHUNKS,
             drawn: [0; 3],
         })
@@ -234,15 +220,15 @@ impl ShadowPass {
 
     /// What hides in the maps drawn last: see [`crate::bake::device::shared::VIEW_BLOCKS`].
     pub(super) fn blocks(&self) -> Address {
-        self.blocks.address()
+        self.blocks.found()
     }
 
     pub(super) fn depth(&self) -> Address {
         self.depth.address()
     }
 
-    /// Draws `views`, those that borrow after those they borrow from; the maps can be read by compute shaders after the next barrier. `instances`: the table that says
-    /// which chunks stand in a view's version. `blocks`: [`ShadowPass::blocks`] will be asked for.
+    /// Draws `views`, those that borrow after those they borrow from; the maps can be read by compute shaders after the next
+    /// barrier. `instances`: the table that says what stands in a view's version. `blocks`: [`ShadowPass::blocks`] will be asked for.
     pub(in crate::bake) fn record(
         &mut self,
         gpu: &Gpu,
@@ -259,20 +245,28 @@ impl ShadowPass {
         (0..3).for_each(|i| self.drawn[i] += new[i]);
         cmd.upload(&self.views, 0, views)?;
         cmd.fill(&self.depth, 0, elements * 4, 0);
-        let chunks = occluders.whole.count().max(occluders.masked.count());
-        if chunks < self.few {
-            self.draw(gpu, cmd, occluders, instances, views, Which::All)?;
+        let uploaded = Uploaded {
+            at: self.views.address(),
+            count: views.len() as u32,
+            limited: limited(views) != 0,
+            instances,
+        };
+        self.groups.record(gpu, cmd, occluders, &uploaded)?;
+        let few = occluders.whole.count().max(occluders.masked.count()) < self.few;
+        if few {
+            self.draw(gpu, cmd, occluders, views, Which::All, Standing::Both)?;
         } else {
-            self.draw(gpu, cmd, occluders, instances, views, Which::First)?;
-            self.find_blocks(cmd, views);
-            self.draw(gpu, cmd, occluders, instances, views, Which::Rest)?;
+            self.draw(gpu, cmd, occluders, views, Which::First, Standing::Both)?;
+            self.blocks.record(cmd, &uploaded, self.depth.address());
+            self.draw(gpu, cmd, occluders, views, Which::Rest, Standing::Both)?;
         }
         if views.iter().any(|v| v.borrows != 0) {
             self.lend(cmd, views);
-            self.draw(gpu, cmd, occluders, instances, views, Which::Own)?;
+            let which = if few { Which::All } else { Which::Own };
+            self.draw(gpu, cmd, occluders, views, which, Standing::Own)?;
         }
         if blocks {
-            self.find_blocks(cmd, views);
+            self.blocks.record(cmd, &uploaded, self.depth.address());
         }
         Ok(())
     }
@@ -290,30 +284,15 @@ impl ShadowPass {
         cmd.barrier(Stage::Transfer, Stage::Compute);
     }
 
-    /// What hides, block by block, in `views` as they are drawn so far.
-    fn find_blocks(&self, cmd: &mut Commands, views: &[View]) {
-        cmd.barrier(Stage::Compute, Stage::Compute);
-        cmd.scope("depth blocks", |cmd| {
-            let push = BlocksPush {
-                views: self.views.address(),
-                depth: self.depth.address(),
-                blocks: self.blocks.address(),
-            };
-            let pipeline = &self.blocks_of[limited(views)];
-            cmd.dispatch(pipeline, &push, [VIEW_BLOCKS, views.len() as u32, 1]);
-        });
-        cmd.barrier(Stage::All, Stage::All);
-    }
-
-    /// Draws some of the chunks into `views`.
+    /// Draws some of the chunks of listed groups into `views`.
     fn draw(
         &mut self,
         gpu: &Gpu,
         cmd: &mut Commands,
         occluders: &Occluders,
-        instances: Address,
         views: &[View],
         which: Which,
+        standing: Standing,
     ) -> Result<()> {
         let limited = limited(views);
         self.heads.clear(cmd);
@@ -332,18 +311,15 @@ impl ShadowPass {
             for (kind, made, chunks) in &drawings {
                 let push = CullPush {
                     chunks: chunks.chunks.address(),
-                    instances,
+                    groups: chunks.groups.address(),
                     views: views_at,
+                    from: self.groups.list(*kind, standing),
                     list: made.list.address(),
                     head: self.heads.address(CHUNKS[*kind]),
-                    blocks: self.blocks.address(),
-                    chunk_count: chunks.count(),
+                    blocks: self.blocks.found(),
                 };
-                cmd.dispatch(
-                    &self.cull[limited][which as usize],
-                    &push,
-                    [chunks.count().div_ceil(self.each), views.len() as u32, 1],
-                );
+                let pipeline = &self.cull[limited][which as usize];
+                self.groups.dispatch(cmd, pipeline, &push, *kind, standing);
             }
             self.heads.finish(cmd, &CHUNKS);
         });

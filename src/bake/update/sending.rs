@@ -87,10 +87,9 @@ impl Illumination {
         let square = |size: u32| u64::from(size) * u64::from(size);
         let light = &pending.light;
         let (views, pixels) = match light.shape {
-            Shape::Directional { .. } => (1, square(self.sizes.sun)),
-            Shape::Point => (2, 6 * square(self.sizes.direct)),
-            _ if light.direct => (1, 3 * square(self.sizes.direct)),
-            _ => (1, 3 * square(self.sizes.indirect)),
+            Shape::Directional { .. } => (1, square(self.sizes.of(light))),
+            Shape::Point => (2, 6 * square(self.sizes.of(light))),
+            _ => (1, 3 * square(self.sizes.of(light))),
         };
         let versions = 1 + u64::from(pending.version != pending.other);
         (versions * views, versions * pixels)

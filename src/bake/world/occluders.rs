@@ -6,10 +6,11 @@ use std::ops::Range;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::coarse::{self, Corners};
 use super::cutout::{Coverage, Masks};
 use crate::bake::device::pool::{Pool, grow, vacate};
-use crate::bake::device::records::{Chunk, Cutout, Triangle};
-use crate::bake::device::shared::CHUNK;
+use crate::bake::device::records::{Chunk, Cutout, Group, Triangle};
+use crate::bake::device::shared::{CHUNK, GROUP, LEVELS};
 use crate::gpu::{Buffer, Commands, Gpu, Memory, Result};
 use crate::scene::Scene;
 
@@ -27,10 +28,19 @@ pub(in crate::bake) struct Chunks {
     pub(in crate::bake) triangles: Buffer,
     pub(in crate::bake) cutouts: Buffer,
     pub(in crate::bake) chunks: Buffer,
+    pub(in crate::bake) groups: Buffer,
     pool: Pool,
-    /// By instance: its chunks, and its triangles in them.
-    taken: BTreeMap<u32, (Range<u32>, u64)>,
+    group_pool: Pool,
+    /// By instance.
+    taken: BTreeMap<u32, Taken>,
     masked: bool,
+}
+
+/// What an instance takes.
+struct Taken {
+    chunks: Range<u32>,
+    groups: Range<u32>,
+    triangles: u64,
 }
 
 /// A triangle in world space, and its cutout if it has one.
@@ -69,18 +79,16 @@ impl Occluders {
             let own = words.start as usize..words.end as usize;
             cmd.upload(&self.bits, u64::from(words.start) * 4, &masks.bits[own])?;
         }
-        let parts: Vec<[Vec<Part>; 2]> = objects
+        let prepared: Vec<[Prepared; 2]> = objects
             .par_iter()
             .map(|&object| {
-                let (mut whole, mut masked) = parts_of(scene, masks, object);
-                split(&mut whole);
-                split(&mut masked);
-                [whole, masked]
+                let (whole, masked) = parts_of(scene, masks, object);
+                [Prepared::new(whole, true), Prepared::new(masked, false)]
             })
             .collect();
         let of = |kind: usize| {
-            let parts = parts.iter().map(move |p| &p[kind][..]);
-            instances.iter().copied().zip(parts).collect::<Vec<_>>()
+            let prepared = prepared.iter().map(move |p| &p[kind]);
+            instances.iter().copied().zip(prepared).collect::<Vec<_>>()
         };
         self.whole.add(gpu, cmd, &of(0))?;
         self.masked.add(gpu, cmd, &of(1))
@@ -91,19 +99,21 @@ impl Occluders {
     pub(in crate::bake) fn remove(&mut self, cmd: &mut Commands, instances: &[u32], nobody: u32) {
         self.masks.forget(instances);
         for chunks in [&mut self.whole, &mut self.masked] {
-            let taken = instances.iter().filter_map(|i| chunks.taken.remove(i));
-            let free: Vec<Range<u32>> = taken.map(|(range, _)| range).collect();
-            for range in &free {
-                chunks.pool.give(range.clone());
+            let mut free = Vec::new();
+            for taken in instances.iter().filter_map(|i| chunks.taken.remove(i)) {
+                chunks.pool.give(taken.chunks);
+                chunks.group_pool.give(taken.groups.clone());
+                free.push(taken.groups);
             }
-            vacate(cmd, &chunks.chunks, size_of::<Chunk>(), free, nobody);
+            // Chunks are reached through their groups alone.
+            vacate(cmd, &chunks.groups, size_of::<Group>(), free, nobody);
         }
     }
 
     /// Triangles that cast a shadow, of all instances.
     pub fn triangles(&self) -> u64 {
         let all = self.whole.taken.values().chain(self.masked.taken.values());
-        all.map(|(_, triangles)| triangles).sum()
+        all.map(|taken| taken.triangles).sum()
     }
 }
 
@@ -114,88 +124,148 @@ impl Chunks {
             triangles: buffer("occluder triangles")?,
             cutouts: buffer("occluder cutouts")?,
             chunks: buffer("occluder chunks")?,
+            groups: buffer("occluder groups")?,
             pool: Pool::default(),
+            group_pool: Pool::default(),
             taken: BTreeMap::new(),
             masked,
         })
     }
 
-    /// Chunks to go through; some may be no instance's.
+    /// Chunks at most that there are.
     pub(in crate::bake) fn count(&self) -> u32 {
         self.pool.end()
     }
 
-    fn add(&mut self, gpu: &Gpu, cmd: &mut Commands, parts: &[(u32, &[Part])]) -> Result<()> {
-        let mut placed: Vec<(Range<u32>, u32, &[Part])> = Vec::new();
-        for &(instance, parts) in parts {
-            let range = self.pool.take((parts.len() as u32).div_ceil(CHUNK));
-            self.taken
-                .insert(instance, (range.clone(), parts.len() as u64));
-            placed.push((range, instance, parts));
+    /// Groups to go through; some may be no instance's.
+    pub(in crate::bake) fn group_count(&self) -> u32 {
+        self.group_pool.end()
+    }
+
+    fn add(&mut self, gpu: &Gpu, cmd: &mut Commands, all: &[(u32, &Prepared)]) -> Result<()> {
+        let slots = CHUNK as usize;
+        let mut placed: Vec<(Range<u32>, Range<u32>, u32, &Prepared)> = Vec::new();
+        for &(instance, prepared) in all {
+            let chunks = self.pool.take((prepared.slots.len() / slots) as u32);
+            let groups = self.group_pool.take(prepared.groups.len() as u32);
+            placed.push((chunks.clone(), groups.clone(), instance, prepared));
+            let taken = Taken {
+                chunks,
+                groups,
+                triangles: prepared.triangles,
+            };
+            self.taken.insert(instance, taken);
         }
-        let (end, slots) = (u64::from(self.pool.end()), u64::from(CHUNK));
-        grow(gpu, cmd, &mut self.chunks, end * size_of::<Chunk>() as u64)?;
-        grow(
-            gpu,
-            cmd,
-            &mut self.triangles,
-            end * slots * size_of::<Triangle>() as u64,
-        )?;
+        let end = u64::from(self.pool.end());
+        let bytes = |of: usize| end * of as u64;
+        grow(gpu, cmd, &mut self.chunks, bytes(size_of::<Chunk>()))?;
+        let triangles = bytes(slots * size_of::<Triangle>());
+        grow(gpu, cmd, &mut self.triangles, triangles)?;
         if self.masked {
-            grow(
-                gpu,
-                cmd,
-                &mut self.cutouts,
-                end * slots * size_of::<Cutout>() as u64,
-            )?;
+            let cutouts = bytes(slots * size_of::<Cutout>());
+            grow(gpu, cmd, &mut self.cutouts, cutouts)?;
         }
+        let groups = u64::from(self.group_pool.end()) * size_of::<Group>() as u64;
+        grow(gpu, cmd, &mut self.groups, groups)?;
         // Ranges that follow each other go in one copy.
+        for run in placed.chunk_by(|(_, a, ..), (_, b, ..)| a.end == b.start) {
+            let groups: Vec<Group> = run
+                .iter()
+                .flat_map(|(chunks, _, instance, prepared)| {
+                    let own = |group: &Group| Group {
+                        instance: *instance,
+                        first: group.first.map(|f| f + chunks.start),
+                        ..*group
+                    };
+                    prepared.groups.iter().map(own)
+                })
+                .collect();
+            let first = u64::from(run[0].1.start);
+            cmd.upload(&self.groups, first * size_of::<Group>() as u64, &groups)?;
+        }
         for run in placed.chunk_by(|(a, ..), (b, ..)| a.end == b.start) {
             let first = u64::from(run[0].0.start);
+            let all = || run.iter().flat_map(|(.., prepared)| &prepared.slots);
             let chunks: Vec<Chunk> = run
                 .iter()
-                .flat_map(|(_, instance, parts)| {
-                    parts.chunks(CHUNK as usize).map(|p| chunk(p, *instance))
-                })
-                .collect();
-            let padded = run.iter().flat_map(|(_, _, parts)| {
-                let filled = parts.len().next_multiple_of(CHUNK as usize);
-                parts
-                    .iter()
-                    .map(Some)
-                    .chain(std::iter::repeat_n(None, filled - parts.len()))
-            });
-            let triangles: Vec<Triangle> = padded
-                .clone()
-                .map(|part| {
-                    part.map_or(bytemuck::Zeroable::zeroed(), |([a, b, c], _)| Triangle {
-                        a: a.to_array(),
-                        b: b.to_array(),
-                        c: c.to_array(),
-                    })
-                })
+                .flat_map(|(.., prepared)| prepared.slots.chunks(slots).map(chunk))
                 .collect();
             cmd.upload(&self.chunks, first * size_of::<Chunk>() as u64, &chunks)?;
-            cmd.upload(
-                &self.triangles,
-                first * slots * size_of::<Triangle>() as u64,
-                &triangles,
-            )?;
+            let zero = bytemuck::Zeroable::zeroed;
+            let triangle = |([a, b, c], _): &Part| Triangle {
+                a: a.to_array(),
+                b: b.to_array(),
+                c: c.to_array(),
+            };
+            let triangles: Vec<Triangle> = all()
+                .map(|part| part.as_ref().map_or_else(zero, triangle))
+                .collect();
+            let at = first * (slots * size_of::<Triangle>()) as u64;
+            cmd.upload(&self.triangles, at, &triangles)?;
             if self.masked {
-                let cutouts: Vec<Cutout> = padded
-                    .map(|part| {
-                        part.and_then(|p| p.1)
-                            .unwrap_or(bytemuck::Zeroable::zeroed())
-                    })
+                let cutout = |part: &Option<Part>| part.as_ref().and_then(|p| p.1);
+                let cutouts: Vec<Cutout> = all()
+                    .map(|part| cutout(part).unwrap_or_else(bytemuck::Zeroable::zeroed))
                     .collect();
-                cmd.upload(
-                    &self.cutouts,
-                    first * slots * size_of::<Cutout>() as u64,
-                    &cutouts,
-                )?;
+                let at = first * (slots * size_of::<Cutout>()) as u64;
+                cmd.upload(&self.cutouts, at, &cutouts)?;
             }
         }
         Ok(())
+    }
+}
+
+/// The triangles of an object as the device will have them.
+struct Prepared {
+    /// Whole chunks, filled up with nothing: those of the triangles, then those of the levels of groups.
+    slots: Vec<Option<Part>>,
+    /// With chunks counted from the object's first, and no instance.
+    groups: Vec<Group>,
+    triangles: u64,
+}
+
+impl Prepared {
+    /// `coarser`: other triangles may stand for them.
+    fn new(mut parts: Vec<Part>, coarser: bool) -> Self {
+        split(&mut parts);
+        let size = (CHUNK * GROUP) as usize;
+        let levels = if coarser {
+            let corners: Vec<Corners> = parts.iter().map(|p| p.0).collect();
+            coarse::levels(&corners, size, LEVELS as usize - 1)
+        } else {
+            Vec::new()
+        };
+        let fill = |slots: &mut Vec<Option<Part>>, parts: &[Part]| {
+            let first = slots.len() as u32 / CHUNK;
+            slots.extend(parts.iter().copied().map(Some));
+            slots.resize(slots.len().next_multiple_of(CHUNK as usize), None);
+            (first, slots.len() as u32 / CHUNK - first)
+        };
+        let mut slots = Vec::new();
+        fill(&mut slots, &parts);
+        let mut levels = levels.into_iter();
+        let mut groups = Vec::new();
+        for (own, at) in parts.chunks(size).zip((0..).step_by(GROUP as usize)) {
+            let mut group: Group = bytemuck::Zeroable::zeroed();
+            group.first[0] = at;
+            group.count[0] = (own.len() as u32).div_ceil(CHUNK);
+            let mut bounds = bounds_of(own);
+            for (level, k) in levels.next().into_iter().flatten().zip(1..) {
+                let mut parts: Vec<Part> = level.triangles.iter().map(|t| (*t, None)).collect();
+                split(&mut parts);
+                (group.first[k], group.count[k]) = fill(&mut slots, &parts);
+                group.cell[k] = level.cell;
+                let [low, high] = bounds_of(&parts);
+                bounds = [bounds[0].min(low), bounds[1].max(high)];
+            }
+            (group.center, group.extent) = box_of(bounds);
+            groups.push(group);
+        }
+        Self {
+            slots,
+            groups,
+            triangles: parts.len() as u64,
+        }
     }
 }
 
@@ -212,16 +282,25 @@ fn parts_of(scene: &Scene, masks: &Masks, object: u32) -> (Vec<Part>, Vec<Part>)
         .partition(|part| part.1.is_none())
 }
 
-fn chunk(parts: &[Part], instance: u32) -> Chunk {
-    let vertices = parts.iter().flat_map(|p| p.0);
-    let low = vertices.clone().fold(Vec3::INFINITY, Vec3::min);
-    let high = vertices.fold(Vec3::NEG_INFINITY, Vec3::max);
+fn chunk(slots: &[Option<Part>]) -> Chunk {
+    let (center, extent) = box_of(bounds_of(slots.iter().flatten()));
     Chunk {
-        center: (0.5 * (low + high)).to_array(),
-        extent: (0.5 * (high - low) + 1e-6 * (low.abs() + high.abs())).to_array(),
-        count: parts.len() as u32,
-        instance,
+        center,
+        extent,
+        count: slots.iter().flatten().count() as u32,
     }
+}
+
+fn bounds_of<'a>(parts: impl IntoIterator<Item = &'a Part>) -> [Vec3; 2] {
+    let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    let vertices = parts.into_iter().flat_map(|p| p.0);
+    vertices.fold(start, |[low, high], v| [low.min(v), high.max(v)])
+}
+
+/// The centre and half the size of a box.
+fn box_of([low, high]: [Vec3; 2]) -> ([f32; 3], [f32; 3]) {
+    let extent = 0.5 * (high - low) + 1e-6 * (low.abs() + high.abs());
+    ((0.5 * (low + high)).to_array(), extent.to_array())
 }
 
 /// Orders triangles so that every run of [`CHUNK`] is compact: halves at the median of the longest extent of the

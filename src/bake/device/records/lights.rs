@@ -18,6 +18,17 @@ pub(in crate::bake) struct ShadowSizes {
     pub sun: u32,
 }
 
+impl ShadowSizes {
+    /// Pixels along the edge of a light's maps.
+    pub(in crate::bake) fn of(&self, light: &VirtualLight) -> u32 {
+        match light.shape {
+            Shape::Directional { .. } => self.sun,
+            _ if light.direct => self.direct,
+            _ => self.indirect,
+        }
+    }
+}
+
 /// The scene that a light shines in, as far as its record depends on it.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::bake) struct Surroundings<'a> {
@@ -44,6 +55,9 @@ const LOOKUP: f32 = 3.0;
 /// penumbra (the shader's `soft_visibility`: 2 * 0.79), and a little.
 const WIDEST_TAP: f32 = 1.7;
 
+/// Of a pixel: how coarse occluders may be.
+const COARSE: f32 = 0.5;
+
 /// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer. `sign`: of
 /// whole lights; a difference adds the light as it shines in its version and subtracts it as it shines in the other.
 pub(in crate::bake) fn record(
@@ -54,11 +68,7 @@ pub(in crate::bake) fn record(
     views: &mut Vec<View>,
     offset: &mut u32,
 ) -> Light {
-    let size = match light.shape {
-        Shape::Directional { .. } => sizes.sun,
-        _ if light.direct => sizes.direct,
-        _ => sizes.indirect,
-    };
+    let size = sizes.of(light);
     let (first_view, first_element) = (views.len(), *offset);
     let mut out = Light {
         position: light.position.to_array(),
@@ -93,6 +103,7 @@ pub(in crate::bake) fn record(
             size,
             kind: VIEW_HEMICUBE,
             cos_cone,
+            coarse: if light.direct { 0.0 } else { coarse(size) },
             version: around.version,
             other: around.other,
             borrows: 0,
@@ -160,6 +171,12 @@ pub(in crate::bake) fn record(
     out
 }
 
+/// How coarse what an indirect light's hemicube shows may be, per metre of distance: a share of a pixel, which spans 2 / size in
+/// the middle of a face. See the measurements in benches/README.md.
+pub(in crate::bake) fn coarse(size: u32) -> f32 {
+    COARSE * 2.0 / size as f32
+}
+
 /// The radius of a polygon's circumcircle around its centre; other lights cast the shadows of points.
 fn radius(light: &VirtualLight) -> f32 {
     match &light.shape {
@@ -220,11 +237,7 @@ pub(in crate::bake) fn misses(
     regions: &[Region],
     epsilon: f32,
 ) -> bool {
-    let size = if light.direct {
-        sizes.direct
-    } else {
-        sizes.indirect
-    };
+    let size = sizes.of(light);
     let slack = 2.0 * epsilon;
     // The view looks from the position, a polygon's plane is its vertices'.
     let behind = |from: Vec3| {
@@ -290,6 +303,7 @@ fn parallel_view(direction: Vec3, size: u32, around: &Surroundings, offset: u32)
         size,
         kind: VIEW_ORTHOGRAPHIC,
         cos_cone: -1.0,
+        coarse: 0.0,
         version: around.version,
         other: around.other,
         borrows: 0,
