@@ -138,10 +138,10 @@ fn coarser_occluders_hide_what_their_triangles_do() {
     };
     // Hilly ground all around, and nothing between its hills and the light.
     let at = |i: i32, j: i32| {
-        let (x, y) = (i as f32 * 0.1, j as f32 * 0.1);
+        let (x, y) = (i as f32 * 0.035, j as f32 * 0.035);
         Vec3::new(x, y, 6.0 + (0.7 * x).sin() * (0.9 * y).cos())
     };
-    let squares = (-80..80).flat_map(|i| (-80..80).map(move |j| (i, j)));
+    let squares = (-110..110).flat_map(|i| (-110..110).map(move |j| (i, j)));
     let ground: Vec<[Vec3; 3]> = squares
         .flat_map(|(i, j)| {
             let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
