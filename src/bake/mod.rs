@@ -54,6 +54,7 @@ pub use order::schedule::{Kind, Priority};
 pub use passes::uv_raster;
 pub use run::{Baked, bake};
 pub use update::{Illumination, Sign};
+pub use world::changes::{Changed, Place};
 pub use world::occluders::Occluders;
 pub use world::place::Receivers;
-pub use world::versions::{Boxes, Version};
+pub use world::versions::Version;

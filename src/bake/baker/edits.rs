@@ -6,7 +6,8 @@ use crate::bake::baker::Baker;
 use crate::bake::job::BakeError;
 use crate::bake::passes::uv_raster;
 use crate::bake::update::stands;
-use crate::bake::world::versions::{Boxes, Version};
+use crate::bake::world::changes::{Changed, Place};
+use crate::bake::world::versions::Version;
 use crate::gpu::GpuError;
 use crate::lightmap::texels::{ClaimStatistics, Claims};
 use crate::scene::Scene;
@@ -113,20 +114,31 @@ impl Baker {
         }
         let _span = tracing::debug_span!("follow").entered();
         if !change.objects.is_empty() {
-            let occluders = change.boxes(old, &scene);
-            let mut lookups = occluders.clone();
             self.bvh = self.bvh.moved(&scene, &change.objects);
             let objects = &change.objects;
-            let replaced =
+            let bounds =
+                |scene: &Scene, object| stands(scene, object).then(|| scene.object_bounds(object));
+            let place = |&object: &u32| Place {
+                object,
+                before: bounds(old, object),
+                after: bounds(&scene, object),
+            };
+            let mut changed = Changed {
+                places: objects.iter().map(place).collect(),
+                near: Vec::new(),
+                reach: self.clearances.reach(),
+            };
+            let boxes = changed.boxes();
+            let (replaced, near) =
                 self.clearances
-                    .update(&scene, &self.bvh, &mut self.texels, objects, &mut lookups);
+                    .update(&scene, &self.bvh, &mut self.texels, objects, &boxes);
+            changed.near = near;
             let version = self.illumination.change(
                 &scene,
                 &self.texels,
                 &std::mem::take(&mut self.new_tiles),
-                objects,
                 &replaced,
-                Boxes { occluders, lookups },
+                changed,
             )?;
             for &object in objects.iter().filter(|o| !stands(&scene, **o)) {
                 let tiles = self.texels.retire(object);

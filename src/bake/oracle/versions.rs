@@ -7,7 +7,8 @@ use glam::{Affine3A, Quat, Vec3};
 
 use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels};
 use crate::bake::update::{Illumination, Sign};
-use crate::bake::world::versions::{Boxes, Version};
+use crate::bake::world::changes::{Changed, Place};
+use crate::bake::world::versions::Version;
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::Gpu;
 use crate::lightmap::texels::Texels;
@@ -78,52 +79,65 @@ fn bounds(scene: &Scene, object: u32) -> Option<Bounds> {
     })
 }
 
-/// Something else stands near all texels of what changed, and near some texels of other objects, which the boxes then hold:
-/// returns the tiles of these.
-fn surround(
-    numbers: &mut Numbers,
-    scene: &Scene,
-    texels: &mut Texels,
-    changed: &[u32],
-    boxes: &mut [Bounds],
-) -> Vec<u32> {
-    texels.clearances.resize(texels.list.len(), Clearance::OPEN);
-    let mut replaced = Vec::new();
-    for object in 0..scene.objects.len() as u32 {
-        if scene.is_gone(object) {
-            continue;
+/// How far from an object its neighbourhood reaches.
+const REACH: f32 = 0.4;
+
+/// What stands near a texel, as far as that tells anything: any function of the objects around it will do.
+fn near(scene: &Scene, texel: &Texel, entry: usize) -> (Vec3, Clearance) {
+    let transform = &scene.objects[texel.object as usize].transform;
+    let at = transform.transform_point3(Vec3::from_array(texel.position));
+    // The first one is everywhere and always there.
+    let around = (1..scene.objects.len() as u32).filter(|&object| {
+        let reach = Vec3::splat(REACH);
+        let holds = |b: Bounds| (b.min - reach).cmple(at).all() && at.cmple(b.max + reach).all();
+        bounds(scene, object).is_some_and(holds)
+    });
+    let mut seed = 0u32;
+    for object in around {
+        let [x, y, z] = scene.objects[object as usize]
+            .transform
+            .translation
+            .to_array();
+        for word in [object, x.to_bits(), y.to_bits(), z.to_bits()] {
+            seed = (seed ^ word).wrapping_mul(0x9e37_79b1).rotate_left(13) | 1;
         }
-        let own = changed.contains(&object);
+    }
+    if seed == 0 {
+        return (at, Clearance::OPEN);
+    }
+    let mut numbers = Numbers(u64::from(seed) + entry as u64);
+    let clearance = Clearance {
+        push: numbers.vector().normalize_or_zero().to_array(),
+        near: 0.1 * numbers.next(),
+        way: 0.1 * numbers.next(),
+        room: 0.1 * numbers.next(),
+    };
+    (at, clearance)
+}
+
+/// Finds out what stands near all texels: returns the tiles of objects that did not change themselves which hold texels that
+/// have something else near them, and where these are.
+fn surround(scene: &Scene, texels: &mut Texels, changed: &[u32]) -> (Vec<u32>, Vec<Vec3>) {
+    texels.clearances.resize(texels.list.len(), Clearance::OPEN);
+    let (mut replaced, mut told) = (Vec::new(), Vec::new());
+    for object in (0..scene.objects.len() as u32).filter(|o| !scene.is_gone(*o)) {
         for tile in texels.tiles[object as usize].clone() {
-            // Where nothing changed, nothing else stands near.
-            if !own && (boxes.is_empty() || numbers.next() < 0.7) {
-                continue;
-            }
+            let mut any = false;
             for entry in tile as usize * Texel::TILE..(tile as usize + 1) * Texel::TILE {
-                if !own && numbers.next() < 0.7 {
-                    continue;
+                let (at, clearance) = near(scene, &texels.list[entry], entry);
+                if texels.clearances[entry] != clearance && !changed.contains(&object) {
+                    any = true;
+                    told.push(at);
                 }
-                let push = numbers.vector().normalize_or_zero();
-                texels.clearances[entry] = Clearance {
-                    push: push.to_array(),
-                    near: 0.1 * numbers.next(),
-                    way: 0.1 * numbers.next(),
-                    room: 0.1 * numbers.next(),
-                };
-                let texel = &texels.list[entry];
-                let transform = &scene.objects[object as usize].transform;
-                let at = transform.transform_point3(Vec3::from_array(texel.position));
-                if let Some(last) = boxes.last_mut().filter(|_| !own) {
-                    *last = last.with(at);
-                }
+                texels.clearances[entry] = clearance;
             }
-            if !own {
+            if any {
                 replaced.push(tile);
             }
         }
     }
     replaced.sort_unstable();
-    replaced
+    (replaced, told)
 }
 
 #[test]
@@ -135,6 +149,7 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         let (mut scene, mut texels) = objects(&mut numbers, 4);
         let empty = scene.meshes.len() as u32;
         scene.meshes.push(Arc::new(Mesh::default()));
+        surround(&scene, &mut texels, &[]);
         let mut map = start(&gpu, &scene, &texels);
         // Of what is limited, too.
         map.set_occlusion(true);
@@ -154,17 +169,20 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         for step in 0..16 {
             // An edit: mostly moves, sometimes away, back, or something new.
             let object = 1 + choose(&mut numbers, scene.objects.len() - 1) as u32;
-            let mut boxes: Vec<Bounds> = bounds(&scene, object).into_iter().collect();
-            let mut changed = vec![object];
+            let mut place = Place {
+                object,
+                before: bounds(&scene, object),
+                after: None,
+            };
             let (mut new, mut away) = (Vec::new(), false);
             let known = (texels.list.len() / Texel::TILE) as u32;
             match step % 4 {
                 3 => {
                     let prototype = scene.objects[0].clone();
                     append(&mut numbers, &mut scene, &prototype, &mut texels);
-                    changed = vec![scene.objects.len() as u32 - 1];
-                    new = vec![texels.tiles[changed[0] as usize].clone()];
-                    boxes.clear();
+                    place.object = scene.objects.len() as u32 - 1;
+                    place.before = None;
+                    new = vec![texels.tiles[place.object as usize].clone()];
                 }
                 2 => {
                     let own = object + u32::from(object >= empty);
@@ -184,15 +202,15 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
                         );
                 }
             }
-            boxes.extend(bounds(&scene, changed[0]));
-            let occluders = boxes.clone();
-            let replaced = surround(&mut numbers, &scene, &mut texels, &changed, &mut boxes);
-            let boxes = Boxes {
-                occluders,
-                lookups: boxes,
+            place.after = bounds(&scene, place.object);
+            let (replaced, told) = surround(&scene, &mut texels, &[place.object]);
+            let changed = Changed {
+                places: vec![place],
+                near: told,
+                reach: REACH,
             };
             let version = map
-                .change(&scene, &texels, &new, &changed, &replaced, boxes)
+                .change(&scene, &texels, &new, &replaced, changed)
                 .expect("a change");
             reused += new.iter().filter(|tiles| tiles.start < known).count();
             if away {
@@ -240,11 +258,18 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         // Texels of objects that are gone hold nothing: nothing shines on them.
         let mut fresh = start(&gpu, &scene, &texels);
         fresh.set_occlusion(false);
-        let gone: Vec<u32> = (0..scene.objects.len() as u32)
-            .filter(|&o| scene.mesh(o).triangles.is_empty())
-            .collect();
+        let gone = (0..scene.objects.len() as u32).filter(|&o| scene.mesh(o).triangles.is_empty());
+        let place = |object| Place {
+            object,
+            before: None,
+            after: None,
+        };
+        let changed = Changed {
+            places: gone.map(place).collect(),
+            ..Changed::default()
+        };
         let version = fresh
-            .change(&scene, &texels, &[], &gone, &[], Boxes::default())
+            .change(&scene, &texels, &[], &[], changed)
             .expect("a change");
         for (light, _) in held {
             fresh.push(light, Sign::Add, version).expect("add");
@@ -314,12 +339,22 @@ fn a_tile_takes_the_place_of_another_beside_what_was_asked_for_too() {
             };
         }
     }
-    let boxes = Boxes {
-        occluders: Vec::new(),
-        lookups: vec![near],
+    // Something of which nothing is left but that it was near.
+    let corner = Bounds {
+        min: near.min,
+        max: near.min,
+    };
+    let changed = Changed {
+        places: vec![Place {
+            object: 1,
+            before: Some(corner),
+            after: None,
+        }],
+        near: vec![near.max],
+        reach: 10.0,
     };
     let version = map
-        .change(&scene, &texels, &[], &[], &[0], boxes)
+        .change(&scene, &texels, &[], &[0], changed)
         .expect("a change");
     assert!(
         map.push_difference(&light, 0, version).expect("update"),

@@ -67,9 +67,10 @@ pub(in crate::bake) struct Update {
 }
 
 impl Update {
-    /// What is seen of it for its work: what the order goes by.
+    /// What is seen of it for its work: what the order goes by. Not its square, as if what is wrong in one place had nothing to
+    /// do with what is wrong in another: many faint shadows of one wall add up.
     pub(super) fn worth(&self) -> f64 {
-        self.visible * self.visible / self.cost
+        self.visible / self.cost
     }
 
     /// Cells that it takes out of the map.

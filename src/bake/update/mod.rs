@@ -13,9 +13,10 @@ use crate::bake::device::shared::BATCH;
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::passes::accumulate::{self, AccumulatePass, Evaluation};
 use crate::bake::passes::shadow::ShadowPass;
+use crate::bake::world::changes::Changed;
 use crate::bake::world::occluders::Occluders;
 use crate::bake::world::place::Receivers;
-use crate::bake::world::versions::{Boxes, Version, Versions};
+use crate::bake::world::versions::{Version, Versions};
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Buffer, Gpu, Result, Stage, Ticket};
 use crate::lightmap::texels::Texels;
@@ -191,24 +192,23 @@ impl Illumination {
     /// Where a version differs from the current one.
     pub(super) fn between(&self, version: Version) -> Vec<Region> {
         let current = self.versions.current();
-        self.versions.between(version, current).lookups
+        self.versions.between(version, current).lookups.clone()
     }
 
-    /// Begins a version in which `objects` are where `scene` has them; `boxes` bound what they occupied before and what
-    /// they occupy now. `texels`: of all objects; `new`: the tiles that came. `replaced`: tiles of other objects, ascending, that
-    /// have something else near them than before; the boxes for lookups hold the texels of these that it makes a difference to.
+    /// Begins a version in which what changed is where `scene` has it. `texels`: of all objects; `new`: the tiles that came.
+    /// `replaced`: tiles of other objects, ascending, that hold the texels that have something else near them than before.
     pub fn change(
         &mut self,
         scene: &Scene,
         texels: &Texels,
         new: &[Range<u32>],
-        objects: &[u32],
         replaced: &[u32],
-        boxes: Boxes,
+        changed: Changed,
     ) -> Result<Version> {
         let _span = tracing::debug_span!("change of the scene").entered();
         self.send()?;
-        let version = self.versions.begin(scene.bounds(), boxes);
+        let objects: Vec<u32> = changed.places.iter().map(|place| place.object).collect();
+        let version = self.versions.begin(scene.bounds(), changed);
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
         if !new.is_empty() {
@@ -217,7 +217,7 @@ impl Illumination {
             self.accumulate.extend(gpu, &mut cmd, receivers, new)?;
         }
         let (mut standing, mut instances) = (Vec::new(), Vec::new());
-        for &object in objects {
+        for object in objects {
             self.versions.end_instance(object);
             if !stands(scene, object) {
                 continue;
@@ -286,9 +286,10 @@ impl Illumination {
         if from == to {
             return Ok(false);
         }
-        let regions = self.versions.between(from, to).lookups;
+        let between = self.versions.between(from, to);
+        let regions = &between.lookups;
         let epsilon = self.accumulate.epsilon();
-        if regions.is_empty() || records::misses(light, &self.sizes, &regions, epsilon) {
+        if regions.is_empty() || records::misses(light, &self.sizes, regions, epsilon) {
             return Ok(false);
         }
         // A parallel light's depth map spans the whole scene: with other bounds every pixel is another.

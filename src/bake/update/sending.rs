@@ -163,8 +163,8 @@ impl Illumination {
                 lookups.clear();
                 if a != b {
                     let differ = self.versions.between(a, b);
-                    regions.extend(differ.occluders);
-                    lookups = differ.lookups;
+                    regions.extend(&differ.occluders);
+                    lookups.clone_from(&differ.lookups);
                 }
                 between = (a, b, first..regions.len());
             }

@@ -8,6 +8,7 @@ use std::ops::Range;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::changes::{holds, widened};
 use crate::lightmap::texels::Texels;
 use crate::lightmap::{Clearance, Texel};
 use crate::scene::{Bounds, Scene};
@@ -53,19 +54,24 @@ impl Clearances {
         new
     }
 
-    /// Follows a change of `objects`, which stood and stand in `boxes`: these grow to hold the texels of other objects that
-    /// have something else near them now. Returns the tiles that hold such texels, ascending. What tiles hold that came has
-    /// to be [told](Clearances::extend) before.
+    /// How far a texel is from what is near it, at most, along each axis, metres.
+    pub(in crate::bake) fn reach(&self) -> f32 {
+        FURTHEST * self.reach
+    }
+
+    /// Follows a change of `objects`, which stood and stand in `boxes`. Returns the tiles of other objects that hold texels
+    /// which have something else near them now, ascending, and where these texels are. What tiles hold that came has to be
+    /// [told](Clearances::extend) before.
     pub(in crate::bake) fn update(
         &mut self,
         scene: &Scene,
         bvh: &SceneBvh,
         texels: &mut Texels,
         objects: &[u32],
-        boxes: &mut [Bounds],
-    ) -> Vec<u32> {
+        boxes: &[Bounds],
+    ) -> (Vec<u32>, Vec<Vec3>) {
         texels.clearances.resize(texels.list.len(), Clearance::OPEN);
-        let wide: Vec<Bounds> = boxes.iter().map(|b| self.widened(b)).collect();
+        let wide: Vec<Bounds> = boxes.iter().map(|b| widened(b, self.reach())).collect();
         let whole = wide.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
         let live = (0..scene.objects.len() as u32).filter(|o| !scene.is_gone(*o));
         let tiles: Vec<(u32, bool)> = live
@@ -93,11 +99,7 @@ impl Clearances {
                 entries
                     .filter_map(|i| {
                         let position = world(scene, &list[i]);
-                        let here = Bounds {
-                            min: position,
-                            max: position,
-                        };
-                        if !changed && !wide.iter().any(|b| meet(&here, b)) {
+                        if !changed && !wide.iter().any(|b| holds(b, position)) {
                             return None;
                         }
                         let new = self.around(scene, bvh, &list[i]);
@@ -106,24 +108,20 @@ impl Clearances {
                     .collect()
             })
             .collect();
-        let mut replaced = Vec::new();
+        let (mut replaced, mut near) = (Vec::new(), Vec::new());
         for ((tile, changed), found) in tiles.into_iter().zip(found) {
             if !changed && !found.is_empty() {
                 replaced.push(tile);
             }
             for (entry, position, new) in found {
                 texels.clearances[entry] = new;
-                let near = boxes
-                    .iter_mut()
-                    .zip(&wide)
-                    .find(|(_, wide)| !changed && holds(wide, position));
-                if let Some((own, _)) = near {
-                    *own = own.with(position);
+                if !changed {
+                    near.push(position);
                 }
             }
         }
         replaced.sort_unstable();
-        replaced
+        (replaced, near)
     }
 
     /// Boxes of tiles that came.
@@ -135,15 +133,6 @@ impl Clearances {
             let own = texels.list[first..first + Texel::TILE].iter();
             let positions = own.map(|texel| Vec3::from_array(texel.position));
             self.boxes[tile as usize] = positions.fold(Bounds::EMPTY, Bounds::with);
-        }
-    }
-
-    fn widened(&self, bounds: &Bounds) -> Bounds {
-        // Rounding must not let anything out.
-        let by = Vec3::splat(FURTHEST * self.reach) + (bounds.min.abs() + bounds.max.abs()) * 1e-5;
-        Bounds {
-            min: bounds.min - by,
-            max: bounds.max + by,
         }
     }
 
@@ -235,10 +224,6 @@ fn world(scene: &Scene, texel: &Texel) -> Vec3 {
 
 fn meet(a: &Bounds, b: &Bounds) -> bool {
     a.min.cmple(b.max).all() && b.min.cmple(a.max).all()
-}
-
-fn holds(bounds: &Bounds, point: Vec3) -> bool {
-    bounds.min.cmple(point).all() && point.cmple(bounds.max).all()
 }
 
 #[cfg(test)]

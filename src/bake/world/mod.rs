@@ -1,5 +1,6 @@
 //! The scene as the device has it: what stands where in which version of it, what casts shadows, and what receives light.
 
+pub(super) mod changes;
 pub(super) mod clearance;
 mod coarse;
 pub(super) mod cutout;

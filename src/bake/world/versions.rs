@@ -1,4 +1,4 @@
-//! Versions of the scene: which instances of its objects exist when, and what changed between two of them.
+//! Versions of the scene: which instances of its objects exist when.
 //!
 //! A light must be subtracted in the very scene that it was added to (IBGI section 4.4). So the device holds several
 //! versions of the scene at once: an *instance* is an object in one place, with an interval of versions in which it
@@ -7,43 +7,21 @@
 //! that stays, these tiles alone get instances of their own: *parts* of the object, without triangles.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use glam::Vec3;
-
+use super::changes::{Between, Changed, Changes};
 use crate::bake::device::pool::Pool;
+use crate::bake::device::records::Instance;
 pub use crate::bake::device::records::Version;
-use crate::bake::device::records::{Instance, Region};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Result};
 use crate::scene::Bounds;
-
-/// Boxes that a light's update is limited to; more are joined into one.
-const MAX_BOXES: usize = 8;
-
-/// Where an edit changes the scene.
-#[derive(Clone, Debug, Default)]
-pub struct Boxes {
-    /// What stood or stands where something changed.
-    pub occluders: Vec<Bounds>,
-    /// These boxes, grown to hold the texels of other objects that have something else near them now.
-    pub lookups: Vec<Bounds>,
-}
-
-/// Where two versions differ.
-#[derive(Clone, Debug, Default)]
-pub(in crate::bake) struct Between {
-    /// What light passes otherwise: outside of the shadows of these boxes all light is the same.
-    pub occluders: Vec<Region>,
-    /// These boxes, and the receivers whose lookups differ: depth maps must be right around all of them.
-    pub lookups: Vec<Region>,
-}
 
 /// The versions that lights are held under.
 pub(in crate::bake) struct Versions {
     current: Version,
     /// Scene bounds of each version.
     bounds: BTreeMap<Version, Bounds>,
-    /// Where the scene changed when the version began.
-    changed: BTreeMap<Version, Boxes>,
+    changes: Changes,
     /// By instance.
     table: Vec<Instance>,
     /// The object of each live instance.
@@ -82,7 +60,7 @@ impl Versions {
         Ok(Self {
             current: 0,
             bounds: BTreeMap::from([(0, bounds)]),
-            changed: BTreeMap::new(),
+            changes: Changes::default(),
             table,
             object: here().map(|(i, _)| (i, i)).collect(),
             numbers,
@@ -110,11 +88,11 @@ impl Versions {
         &self.bounds[&version]
     }
 
-    /// Begins a version. `boxes`: of what changes, before and after.
-    pub(in crate::bake) fn begin(&mut self, bounds: Bounds, boxes: Boxes) -> Version {
+    /// Begins a version, with scene bounds of its own.
+    pub(in crate::bake) fn begin(&mut self, bounds: Bounds, changed: Changed) -> Version {
         self.current += 1;
         self.bounds.insert(self.current, bounds);
-        self.changed.insert(self.current, boxes);
+        self.changes.begin(self.current, changed);
         self.current
     }
 
@@ -180,7 +158,7 @@ impl Versions {
             self.numbers.give(instance..instance + 1);
         }
         self.bounds.retain(|&version, _| version >= oldest);
-        self.changed.retain(|&version, _| version > oldest);
+        self.changes.forget(oldest);
         gone
     }
 
@@ -202,37 +180,7 @@ impl Versions {
     }
 
     /// Where anything differs between two versions.
-    pub(in crate::bake) fn between(&self, a: Version, b: Version) -> Between {
-        let (from, to) = (a.min(b) + 1, a.max(b));
-        let changes = || self.changed.range(from..=to).map(|(_, boxes)| boxes);
-        Between {
-            occluders: regions(changes().flat_map(|b| &b.occluders)),
-            lookups: regions(changes().flat_map(|b| &b.lookups)),
-        }
+    pub(in crate::bake) fn between(&self, a: Version, b: Version) -> Arc<Between> {
+        self.changes.between(a, b)
     }
-}
-
-/// Different boxes, not too many of them.
-fn regions<'a>(all: impl Iterator<Item = &'a Bounds>) -> Vec<Region> {
-    let mut boxes: Vec<Bounds> = Vec::new();
-    for b in all {
-        if !boxes.contains(b) {
-            boxes.push(*b);
-        }
-    }
-    if boxes.len() > MAX_BOXES {
-        let whole = boxes
-            .iter()
-            .fold(boxes[0], |whole, b| whole.with(b.min).with(b.max));
-        boxes = vec![whole];
-    }
-    boxes
-        .iter()
-        .map(|b| Region {
-            center: b.center().to_array(),
-            // Rounding must not let a triangle out of its box.
-            extent: (b.size() * 0.5 + (b.min.abs() + b.max.abs()) * 1e-6 + Vec3::splat(1e-6))
-                .to_array(),
-        })
-        .collect()
 }

@@ -106,8 +106,8 @@ fn update(kind: Kind, path: u64, visible: f64, cost: f64, invalid: f64) -> Updat
 
 #[test]
 fn what_shows_most_for_its_work_goes_first() {
-    // Squares per work: 4, 2.25, 8.
-    let updates = [(1, 2.0, 1.0), (2, 3.0, 4.0), (3, 4.0, 2.0)]
+    // Per work: 2, 1.5, 3. By their squares, the second would go before the first.
+    let updates = [(1, 2.0, 1.0), (2, 3.0, 2.0), (3, 6.0, 2.0)]
         .map(|(path, visible, cost)| update(Kind::Validation, path, visible, cost, 1.0));
     let mut plan = Plan::new(updates.to_vec(), 0.0);
     let order: Vec<_> = std::iter::from_fn(|| plan.next(0.1))

@@ -3,6 +3,7 @@
 use glam::{Affine3A, Quat};
 use proptest::prelude::*;
 
+use super::super::changes::{Changed, Changes, Place};
 use super::*;
 use crate::transport::testing::{add_quads, box_quads, material, quad};
 
@@ -100,27 +101,43 @@ proptest! {
         let (mut scene, mut texels) = scene();
         let mut bvh = SceneBvh::build(&scene);
         let mut clearances = Clearances::new(&scene, &bvh, &mut texels, 10.0);
+        let first = texels.clearances.clone();
+        let (mut changes, mut version) = (Changes::default(), 0);
         for (x, y, turn, size) in moves {
             let before = texels.clearances.clone();
-            let mut boxes = vec![scene.object_bounds(1)];
+            let mut place = Place { object: 1, before: Some(scene.object_bounds(1)), after: None };
             scene.objects[1].transform = Affine3A::from_scale_rotation_translation(
                 Vec3::splat(size),
                 Quat::from_rotation_y(turn),
                 Vec3::new(x, y, 0.0),
             );
-            boxes.push(scene.object_bounds(1));
+            place.after = Some(scene.object_bounds(1));
+            let mut changed = Changed { places: vec![place], near: Vec::new(), reach: clearances.reach() };
             bvh = bvh.moved(&scene, &[1]);
-            let replaced = clearances.update(&scene, &bvh, &mut texels, &[1], &mut boxes);
+            let boxes = changed.boxes();
+            let (replaced, near) = clearances.update(&scene, &bvh, &mut texels, &[1], &boxes);
+            changed.near = near;
+            version += 1;
+            changes.begin(version, changed);
             let mut fresh = texels.clone();
             Clearances::new(&scene, &SceneBvh::build(&scene), &mut fresh, 10.0);
             prop_assert_eq!(&texels.clearances, &fresh.clearances);
+            let entries = |tile: u32| tile as usize * Texel::TILE..(tile as usize + 1) * Texel::TILE;
             for tile in texels.tiles[0].clone() {
-                let entries = tile as usize * Texel::TILE..(tile as usize + 1) * Texel::TILE;
-                let differ: Vec<usize> = entries.filter(|i| before[*i] != fresh.clearances[*i]).collect();
-                prop_assert_eq!(replaced.contains(&tile), !differ.is_empty());
-                for i in differ {
-                    let position = world(&scene, &texels.list[i]);
-                    prop_assert!(boxes.iter().any(|b| holds(b, position)), "{} in {:?}", position, boxes);
+                let differs = entries(tile).any(|i| before[i] != fresh.clearances[i]);
+                prop_assert_eq!(replaced.contains(&tile), differs);
+            }
+            // Whatever lies in between.
+            for since in [0, version - 1] {
+                let then = if since == 0 { &first } else { &before };
+                let differ = changes.between(since, version);
+                for entry in texels.tiles[0].clone().flat_map(entries) {
+                    let here = world(&scene, &texels.list[entry]);
+                    let held = differ.lookups.iter().any(|r| {
+                        let away = (here - Vec3::from(r.center)).abs();
+                        away.cmple(Vec3::from(r.extent)).all()
+                    });
+                    prop_assert!(held || then[entry] == fresh.clearances[entry], "{} since {}", here, since);
                 }
             }
         }
