@@ -56,7 +56,7 @@ impl Plane {
     }
 
     /// What of a polygon lies inside an axis-aligned box.
-    pub fn clip_to_box(&self, mut polygon: Vec<Vec2>, lo: Vec3, hi: Vec3) -> Vec<Vec2> {
+    fn clip_to_box(&self, mut polygon: Vec<Vec2>, lo: Vec3, hi: Vec3) -> Vec<Vec2> {
         for axis in 0..3 {
             let along = Vec2::new(self.x[axis], self.y[axis]);
             // Along an axis that the plane is perpendicular to, all of it is inside: its VPLs are.
