@@ -67,10 +67,9 @@ pub(in crate::bake) struct Update {
 }
 
 impl Update {
-    /// What is seen of it for its work: what the order goes by. Not its square, as if what is wrong in one place had nothing to
-    /// do with what is wrong in another: many faint shadows of one wall add up.
-    pub(super) fn worth(&self) -> f64 {
-        self.visible / self.cost
+    /// What is seen of it for its work: what the order goes by.
+    pub(in crate::bake) fn worth(&self) -> f64 {
+        self.visible.powf(TOGETHER) / self.cost
     }
 
     /// Cells that it takes out of the map.
@@ -105,6 +104,10 @@ pub enum Priority {
     Paths,
 }
 
+/// How what several updates show adds up, as a power: 2 if what is wrong in one place had nothing to do with what is wrong in
+/// another, 1 if all of it did: many faint shadows of one wall add up. Between the two, walls take four fifths of the work that
+/// they take at 2, and no edit takes much more.
+const TOGETHER: f64 = 1.25;
 /// What advancing a light costs at least, of evaluating it: it is limited to the shadows of what changed.
 const LIMITED: f64 = 0.1;
 /// What a direct light costs of an indirect one: its maps are finer, and its shadows softer.
