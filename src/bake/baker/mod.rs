@@ -39,9 +39,6 @@ use journal::Journal;
 
 /// The share of invalid flux at which validation and balancing take turns (eq. 2).
 pub const TURNS_AT: f64 = 0.1;
-/// Indirect lights that stand for fewer paths than this are weak: see [`ShadowSizes`]. Sponza at preview takes 0.8 of the time so,
-/// with a median error of 4.28 %, not 4.32 %.
-const WEAK_PATHS: f64 = 20.0;
 
 /// Bakes a scene and follows its edits.
 ///
@@ -332,7 +329,6 @@ fn empty_map(
         indirect: settings.shadow_size,
         direct: settings.direct_shadow_size,
         sun: settings.sun_shadow_size,
-        weak: (WEAK_PATHS * settings.flux_per_path) as f32,
     };
     let evaluation = Evaluation {
         scale: (settings.fixed_point_bits as f32).exp2(),

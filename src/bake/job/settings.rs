@@ -45,7 +45,7 @@ pub struct Settings {
     pub bounces: u32,
     /// Cells of the octree and the apertures together.
     pub clusters: Clusters,
-    /// Pixels along the edge of an indirect light's hemicube; weak ones' are half as fine, but of 64 pixels.
+    /// Pixels along the edge of an indirect light's hemicube.
     pub shadow_size: u32,
     /// The same for direct lights.
     pub direct_shadow_size: u32,

@@ -90,7 +90,6 @@ pub(super) const SIZES: ShadowSizes = ShadowSizes {
     indirect: 64,
     direct: 128,
     sun: 256,
-    weak: 0.0,
 };
 pub(super) const EVALUATION: Evaluation = Evaluation {
     scale: (1u64 << 32) as f32,

@@ -11,27 +11,19 @@ use crate::cluster::{Shape, VirtualLight};
 use crate::scene::Bounds;
 
 /// Resolutions of depth maps, pixels along an edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::bake) struct ShadowSizes {
     pub indirect: u32,
     pub direct: u32,
     pub sun: u32,
-    /// Indirect lights of fewer lumens have maps half as fine, but of [`LEAST`] pixels.
-    pub weak: f32,
 }
 
-/// Maps are not made coarser than this, pixels along an edge.
-const LEAST: u32 = 64;
-
 impl ShadowSizes {
-    /// Pixels along the edge of a light's maps: a function of the light alone, so that it goes as it came.
+    /// Pixels along the edge of a light's maps.
     pub(in crate::bake) fn of(&self, light: &VirtualLight) -> u32 {
         match light.shape {
             Shape::Directional { .. } => self.sun,
             _ if light.direct => self.direct,
-            _ if light.flux.element_sum() < 3.0 * self.weak => {
-                (self.indirect / 2).max(LEAST.min(self.indirect))
-            }
             _ => self.indirect,
         }
     }

@@ -38,7 +38,6 @@ const SIZES: ShadowSizes = ShadowSizes {
     indirect: 64,
     direct: 256,
     sun: 512,
-    weak: 0.0,
 };
 
 proptest! {
@@ -65,27 +64,4 @@ proptest! {
             }
         }
     }
-}
-
-#[test]
-fn weak_lights_have_maps_half_as_fine() {
-    let light = |flux: f32, direct: bool| VirtualLight {
-        shape: Shape::Disk { area: 0.1 },
-        position: Vec3::ZERO,
-        normal: Vec3::Y,
-        flux: Vec3::new(0.0, flux, 2.0 * flux),
-        direct,
-    };
-    let of = |indirect| {
-        let sizes = ShadowSizes {
-            indirect,
-            weak: 1.0,
-            ..SIZES
-        };
-        [(0.9, false), (1.1, false), (0.9, true)]
-            .map(|(flux, direct)| sizes.of(&light(flux, direct)))
-    };
-    assert_eq!(of(256), [128, 256, 256]);
-    assert_eq!(of(100), [64, 100, 256]);
-    assert_eq!(of(48), [48, 48, 256]);
 }
