@@ -246,14 +246,26 @@ fn cells(group: &mut Group, lit: &Lit) {
         })
         .collect();
     group.throughput(Throughput::Elements(planes.len() as u64));
-    group.bench_function("regions", |b| {
+    group.bench_function("hulls", |b| {
         b.iter(|| {
-            for (cell, plane, points) in &planes {
-                let [low, high] = cell.bounds();
-                let region = polygon::region(points, plane.section(low, high));
-                black_box(region.and_then(|region| polygon::vertices(plane, region)));
+            for (_, _, points) in &planes {
+                black_box(polygon::region(points));
             }
         });
+    });
+    let hulls = planes.iter();
+    let hulls = hulls.filter_map(|(c, p, points)| Some((*c, *p, polygon::region(points)?)));
+    let hulls: Vec<(Cell, Plane, Vec<Vec2>)> = hulls.collect();
+    group.throughput(Throughput::Elements(hulls.len() as u64));
+    group.bench_function("clipping", |b| {
+        let clip = |hulls: Vec<(Cell, Plane, Vec<Vec2>)>| {
+            for (cell, plane, hull) in hulls {
+                let [low, high] = cell.bounds();
+                let clipped = plane.clip_to_box(hull, low, high);
+                black_box(polygon::vertices(&plane, clipped));
+            }
+        };
+        b.iter_batched(|| hulls.clone(), clip, BatchSize::LargeInput);
     });
     group.throughput(Throughput::Elements(found.len() as u64));
     group.bench_function("virtual lights", |b| {

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::border::Border;
 use super::cell::Cell;
-use super::polygon::{Plane, region, vertices};
+use super::polygon::{Plane, centroid, region, vertices};
 use super::sums::FluxScale;
 use super::{Shape, VirtualLight};
 use crate::transport::intersect::offset;
@@ -175,9 +175,8 @@ impl Groups {
         // VPLs that joined from a neighbour stretch the cell.
         let lo = joined.iter().fold(lo, |b, v| b.min(v.position));
         let hi = joined.iter().fold(hi, |b, v| b.max(v.position));
-        let polygon = region(&points, group.plane.section(lo, hi))?;
-        // Shadows are cast from a VPL in the midst of the flux, whatever the polygon makes of gaps between VPLs.
-        let center = center(members);
+        let polygon = group.plane.clip_to_box(region(&points)?, lo, hi);
+        let center = group.plane.lift(centroid(&polygon));
         let distance = |v: &Vpl| v.position.distance_squared(center);
         let nearest = members.iter().copied().reduce(|best, v| {
             if distance(v) < distance(best) {
@@ -198,7 +197,11 @@ impl Groups {
 
     /// A disk at the VPL nearest to the centre of flux, so that it lies on a surface.
     fn disk(&self, group: &[&Vpl], scale: &FluxScale) -> VirtualLight {
-        let center = center(group);
+        let total: f32 = group.iter().map(|v| mean(v.flux)).sum();
+        let average = |of: &dyn Fn(&Vpl) -> Vec3| {
+            group.iter().map(|v| of(v) * mean(v.flux)).sum::<Vec3>() / total
+        };
+        let center = average(&|v| v.position - group[0].position) + group[0].position;
         let distance = |v: &Vpl| v.position.distance_squared(center);
         let nearest = group.iter().fold(group[0], |best, v| {
             if distance(v) < distance(best) {
@@ -207,8 +210,9 @@ impl Groups {
                 best
             }
         });
-        let facing: Vec3 = group.iter().map(|v| v.normal * mean(v.flux)).sum();
-        let normal = facing.try_normalize().unwrap_or(nearest.normal);
+        let normal = average(&|v| v.normal)
+            .try_normalize()
+            .unwrap_or(nearest.normal);
         let plane = Plane::new(center, normal);
         // A disk of area A has a mean square distance of A / 2 pi; a square cell's section, with the weight of one VPL,
         // stands in where there are few.
@@ -228,18 +232,6 @@ impl Groups {
             direct: false,
         }
     }
-}
-
-/// The centre of flux.
-fn center(vpls: &[&Vpl]) -> Vec3 {
-    let origin = vpls[0].position;
-    let total: f32 = vpls.iter().map(|v| mean(v.flux)).sum();
-    let average = vpls
-        .iter()
-        .map(|v| (v.position - origin) * mean(v.flux))
-        .sum::<Vec3>()
-        / total;
-    average + origin
 }
 
 fn flux(vpls: &[&Vpl], scale: &FluxScale) -> Vec3 {
