@@ -1,5 +1,5 @@
-//! Updates in the order in which they are done: the most visible for their work first, validation and balancing in turns (IBGI
-//! eq. 2).
+//! Updates in the order in which they are done: the most visible for their work first, balancing within its share of the work
+//! (IBGI eq. 2).
 
 use super::schedule::{Kind, Update, What, all_direct};
 use crate::cluster::CellId;
@@ -89,8 +89,9 @@ impl Plan {
         }
     }
 
-    /// The next update by the ratio rule (eq. 2): from validation alone, where much is invalid, to turns. `t`: the share of
-    /// invalid flux at which both take turns.
+    /// The next update. How much of the work balancing may have by now, the ratio rule (eq. 2) says: from nothing, where much
+    /// is invalid, to half. Within that it goes by what shows, as validation does; IBGI, which cannot compare the two, takes strict
+    /// turns. `t`: the share of invalid flux at which both may have as much.
     pub(in crate::bake) fn next(&mut self, t: f64) -> Option<Update> {
         let first = self.first();
         let (Some(next), Some(other)) = (self.validation[first].next(), self.balancing.next())
@@ -104,7 +105,7 @@ impl Plan {
         let most = if a.most < b.most { b } else { a };
         // Shares of the work, not of the number of updates: those of balancing are the larger ones by far.
         let ratio = ratio(most.invalid, t);
-        if self.owed < ratio * other.cost {
+        if self.owed < ratio * other.cost || other.worth() < next.worth() {
             self.owed += (1.0 - ratio) * next.cost;
             self.validation[first].pop()
         } else {

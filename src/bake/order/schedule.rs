@@ -54,9 +54,9 @@ impl Kind {
 pub(in crate::bake) struct Update {
     pub kind: Kind,
     pub what: What,
-    /// Lumens that are wrong until then, estimated.
+    /// Lumens that are wrong until then, estimated. Of balancing, by how much the metric falls.
     pub gain: f64,
-    /// What of it is seen: the norm of the irradiance that is wrong, lux m, estimated. Of balancing, the metric.
+    /// What of it is seen: the norm of the irradiance that is wrong, lux m, estimated.
     pub visible: f64,
     /// The share of its cells' flux that these are, at most 1.
     pub invalid: f64,
@@ -253,11 +253,7 @@ pub(in crate::bake) fn exchange(
             Kind::Validation
         },
         gain,
-        visible: if balancing {
-            gain
-        } else {
-            (unlike(&gone, &come) + unlike(&come, &gone)).sqrt()
-        },
+        visible: (unlike(&gone, &come) + unlike(&come, &gone)).sqrt(),
         invalid: share_of(wrong.max(invalid), whole),
         cost: (changing().map(cost).sum::<f64>() + stays).max(LIMITED),
         lights: changing().count() as u64,

@@ -174,7 +174,7 @@ fn validation_and_balancing_share_the_work_by_what_is_invalid() {
 
 #[test]
 fn balancing_waits_for_its_share_and_for_what_is_most_wrong() {
-    let share = |cost: f64| update(Kind::Balancing, 0, 1.0, cost, 0.0);
+    let share = |cost: f64| update(Kind::Balancing, 0, 1e3, cost, 0.0);
     let few = |i| update(Kind::Validation, i, 2.0, 1.0, 0.1);
     let turn = |updates: Vec<Update>| {
         let mut plan = Plan::new(updates, 0.0);
@@ -193,6 +193,16 @@ fn balancing_waits_for_its_share_and_for_what_is_most_wrong() {
         turn((1..40).map(few).chain([share(10.0), dear]).collect()),
         Some(40)
     );
+}
+
+#[test]
+fn balancing_waits_for_validation_that_shows_more() {
+    let balancing = update(Kind::Balancing, 0, 1.5, 1.0, 0.0);
+    let validation = (1..9).map(|i| update(Kind::Validation, i, i as f64, 1.0, 0.01));
+    let mut plan = Plan::new(validation.chain([balancing]).collect(), 0.0);
+    let order: Vec<_> = std::iter::from_fn(|| plan.next(0.1)).collect();
+    let at = order.iter().position(|u| u.kind == Kind::Balancing);
+    assert_eq!((at, order.len()), (Some(7), 9));
 }
 
 /// A light that moved a little shows less than one that moved far, and one that shines into a corner more than another.
