@@ -50,10 +50,14 @@ vec2 inside_box(vec3 from, vec3 way, vec3 half_size, vec3 widening) {
     return when;
 }
 
+// How far a lookup lies from its receiver at most, in distances to the light over the map's size: lifted, and pushed away
+// from what stands beside it; and how much further away than a lookup may be what hides it (visibility.glsl).
+const float LIFTED = 0.6, PUSHED = 2.2, BEYOND = 4.0;
+
 // Whether what differs between a light's version and the one that its update compares with can change its light on the
 // tile: the box meets the bundle of the tile's lookups, which all begin in one point and are as wide at the tile as the
-// tile and as far as depth maps are looked up beside a receiver. Beyond the tile, too: what covers a receiver closely hides it
-// wherever its pixel's ray meets that.
+// tile and as far as depth maps are looked up beside a receiver. A little beyond the tile, too: what covers a receiver closely
+// hides it where its pixel's ray meets that.
 bool differs(uint i, vec3 center, vec3 extent) {
     uint kind = lights.at[i].kind;
     bool parallel = kind == LIGHT_DIRECTIONAL;
@@ -66,13 +70,15 @@ bool differs(uint i, vec3 center, vec3 extent) {
     float height = abs(dot(normal, center - lights.at[i].position)) - dot(abs(normal), extent);
     float moved = area && height < 2.0 * epsilon ? 8.0 * epsilon : 0.0;
     vec3 wide = extent + lights.at[i].blur + lights.at[i].blur_slope * distance + moved;
+    float furthest = (distance + moved) * (1.0 + (LIFTED + PUSHED + BEYOND) / float(views.at[lights.at[i].view].size));
     uint first = lights.at[i].first_region;
     for (uint k = 0; k < lights.at[i].regions; ++k) {
         vec3 middle = regions.at[first + k].center;
         vec3 half_size = regions.at[first + k].extent;
         vec2 when = parallel ? inside_box(center - middle, way, half_size + wide, vec3(0.0))
                              : inside_box(origin - middle, way, half_size, wide);
-        if (when.x <= when.y && (parallel || when.y >= 0.0)) return true;
+        bool reached = length(max(abs(origin - middle) - half_size, vec3(0.0))) <= furthest;
+        if (when.x <= when.y && (parallel || when.y >= 0.0 && reached)) return true;
     }
     return false;
 }
@@ -91,9 +97,6 @@ uint alike(uint asked, vec3 center, vec3 extent) {
 
 // Pixels' half diagonals between a lookup and the centre of its pixel, as an angle: 1 / size of them.
 const float PIXEL_ANGLE = 1.5;
-// How far a lookup lies from its receiver at most, in distances to the light over the map's size: lifted, and pushed away
-// from what stands beside it (visibility.glsl).
-const float LIFTED = 0.6, PUSHED = 2.2;
 // Depths are compared with less slack than this.
 const float SLACK = 1.01;
 

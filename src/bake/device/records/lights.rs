@@ -48,9 +48,10 @@ pub(in crate::bake) struct Surroundings<'a> {
     pub moved: f32,
 }
 
-/// Pixels beside its own direction that a receiver is looked up at, at most: it is lifted by less than one, and a pixel
-/// stands for all directions through it.
-const LOOKUP: f32 = 3.0;
+/// How far from a receiver's direction a pixel's own ray is at most that the receiver is looked up in, in pixels of 2 / size (the
+/// shader's `lookup`): 0.3 for lifting it, 0.75 along either axis for pushing it away from what stands beside it, half a
+/// pixel's diagonal, and a little.
+const LOOKUP: f32 = 2.2;
 /// How far from its own ray a receiver is looked up for a soft shadow, in radii of the emitter: its widest tap at the widest
 /// penumbra (the shader's `soft_visibility`: 2 * 0.79), and a little.
 const WIDEST_TAP: f32 = 1.7;
@@ -90,7 +91,7 @@ pub(in crate::bake) fn record(
     let boxes = if whole {
         Vec::new()
     } else {
-        seen(light, around, 2.0 * LOOKUP * 2.0 / size as f32)
+        seen(light, around, LOOKUP * 2.0 / size as f32)
     };
     let mut hemicube = |pole: Vec3, cos_cone: f32| {
         let (x, y) = pole.any_orthonormal_pair();
@@ -203,8 +204,8 @@ fn moved(light: &VirtualLight, around: &Surroundings, region: &Region) -> f32 {
     if near { around.moved } else { 0.0 }
 }
 
-/// Boxes from a light that hold all lookups of receivers some of whose lookups can see the regions. `margin`: of a lookup
-/// with one tap, radians.
+/// Boxes from a light that hold all lookups that can see the regions, or are of receivers in them; of receivers with several
+/// taps all, if one can. `margin`: of a lookup, radians.
 ///
 /// What changed is no nearer than its region, and hides nothing of what is nearer than half of that (the shader's
 /// `soft_visibility`). So the taps of a receiver to which a region matters lie no further from each other than twice the widest
@@ -215,15 +216,21 @@ fn seen(light: &VirtualLight, around: &Surroundings, margin: f32) -> Vec<Seen> {
         let center = Vec3::from(r.center) - light.position;
         let extent = Vec3::from(r.extent) + moved(light, around, r);
         let nearest = (center.abs() - extent).max(Vec3::ZERO).length();
+        // Twice what one lookup spans: there and back.
         let taps = if nearest > 0.0 {
             2.0 * (WIDEST_TAP * radius / (0.5 * nearest)).atan()
         } else {
             f32::INFINITY
         };
+        let margin = if around.soft {
+            2.0 * margin + taps
+        } else {
+            margin
+        };
         Seen {
             center,
             extent,
-            margin: margin + taps,
+            margin,
         }
     });
     regions.collect()
