@@ -60,6 +60,11 @@ impl Scene {
         self.mesh(object).triangles.is_empty()
     }
 
+    /// Whether an object is anywhere in the scene; there may be no such object yet.
+    pub fn stands(&self, object: u32) -> bool {
+        (object as usize) < self.objects.len() && !self.is_gone(object)
+    }
+
     /// The material of an object's triangle.
     pub fn material(&self, object: u32, triangle: u32) -> &Material {
         &self.materials[self.mesh(object).primitive_of(triangle).material as usize]

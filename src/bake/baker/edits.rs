@@ -5,7 +5,6 @@ use std::path::Path;
 use crate::bake::baker::Baker;
 use crate::bake::job::BakeError;
 use crate::bake::passes::uv_raster;
-use crate::bake::update::stands;
 use crate::bake::world::changes::{Changed, Place};
 use crate::bake::world::versions::Version;
 use crate::gpu::GpuError;
@@ -117,7 +116,7 @@ impl Baker {
             self.bvh = self.bvh.moved(&scene, &change.objects);
             let objects = &change.objects;
             let bounds =
-                |scene: &Scene, object| stands(scene, object).then(|| scene.object_bounds(object));
+                |scene: &Scene, object| scene.stands(object).then(|| scene.object_bounds(object));
             let place = |&object: &u32| Place {
                 object,
                 before: bounds(old, object),
@@ -140,7 +139,7 @@ impl Baker {
                 &replaced,
                 changed,
             )?;
-            for &object in objects.iter().filter(|o| !stands(&scene, **o)) {
+            for &object in objects.iter().filter(|o| !scene.stands(**o)) {
                 let tiles = self.texels.retire(object);
                 if !tiles.is_empty() {
                     self.retired.push((version, tiles));

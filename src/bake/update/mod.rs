@@ -138,7 +138,7 @@ impl Illumination {
             .min(DEPTH_ELEMENTS)
             .max(largest);
         let objects = scene.objects.len() as u32;
-        let standing: Vec<bool> = (0..objects).map(|o| stands(scene, o)).collect();
+        let standing: Vec<bool> = (0..objects).map(|o| scene.stands(o)).collect();
         let receivers = Receivers::new(gpu, scene, &standing, texels)?;
         Ok(Self {
             versions: Versions::new(gpu, &standing, scene.bounds())?,
@@ -219,7 +219,7 @@ impl Illumination {
         let (mut standing, mut instances) = (Vec::new(), Vec::new());
         for object in objects {
             self.versions.end_instance(object);
-            if !stands(scene, object) {
+            if !scene.stands(object) {
                 continue;
             }
             let instance = self.versions.begin_instance(object);
@@ -393,9 +393,4 @@ impl Illumination {
         self.shadows = self.shadow.counts()?;
         self.accumulate.read()
     }
-}
-
-/// Whether an object is anywhere in a scene.
-pub(super) fn stands(scene: &Scene, object: u32) -> bool {
-    (object as usize) < scene.objects.len() && !scene.is_gone(object)
 }
