@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::border::Border;
 use super::cell::Cell;
-use super::polygon::{Plane, centroid, region, vertices};
+use super::polygon::{Plane, Region, vertices};
 use super::sums::FluxScale;
 use super::{Shape, VirtualLight};
 use crate::transport::intersect::offset;
@@ -175,8 +175,8 @@ impl Groups {
         // VPLs that joined from a neighbour stretch the cell.
         let lo = joined.iter().fold(lo, |b, v| b.min(v.position));
         let hi = joined.iter().fold(hi, |b, v| b.max(v.position));
-        let polygon = group.plane.clip_to_box(region(&points)?, lo, hi);
-        let center = group.plane.lift(centroid(&polygon));
+        let region = Region::of(&points, group.plane.section(lo, hi))?;
+        let center = group.plane.lift(region.middle);
         let distance = |v: &Vpl| v.position.distance_squared(center);
         let nearest = members.iter().copied().reduce(|best, v| {
             if distance(v) < distance(best) {
@@ -185,7 +185,7 @@ impl Groups {
                 best
             }
         })?;
-        let vertices = vertices(&group.plane, polygon)?;
+        let vertices = vertices(&group.plane, region.outline)?;
         Some(VirtualLight {
             shape: Shape::Polygon { vertices },
             position: offset(nearest.position, nearest.normal),

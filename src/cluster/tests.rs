@@ -81,10 +81,10 @@ fn a_few_hundred_lights_stand_for_all_vpls() {
     };
     let mut errors = Vec::new();
     let (mut total, mut exact_total) = (0.0, 0.0);
-    for i in 0..24 {
+    for i in 0..960 {
         // In the air, away from what a point light makes bright.
         let p = Vec3::new(
-            i as f32 / 24.0 - 0.5,
+            i as f32 / 960.0 - 0.5,
             0.3 + 0.2 * (i % 3) as f32,
             0.3 - 0.25 * (i % 4) as f32,
         );
@@ -102,9 +102,9 @@ fn a_few_hundred_lights_stand_for_all_vpls() {
         (total, exact_total) = (total + found, exact_total + exact);
     }
     errors.sort_by(f32::total_cmp);
-    assert!(errors[12] < 0.04 && errors[22] < 0.15, "{errors:?}");
+    assert!(errors[480] < 0.035 && errors[880] < 0.1, "{errors:?}");
     assert!(
-        (total / exact_total - 1.0).abs() < 0.025,
+        (total / exact_total - 1.0).abs() < 0.03,
         "{total} {exact_total}"
     );
 }
