@@ -9,7 +9,7 @@ use criterion::measurement::WallTime;
 use criterion::{BatchSize, BenchmarkGroup, Criterion, Throughput};
 use glam::{Affine3A, Vec2, Vec3};
 use rebake::cluster::cell::Cell;
-use rebake::cluster::polygon::{self, Plane};
+use rebake::cluster::polygon::{self, Plane, Region};
 use rebake::cluster::similarity::Groups;
 use rebake::cluster::{
     Budget, CellId, Clusters, FluxScale, Forest as _, Octree, SimilaritySettings, Wanted,
@@ -246,26 +246,27 @@ fn cells(group: &mut Group, lit: &Lit) {
         })
         .collect();
     group.throughput(Throughput::Elements(planes.len() as u64));
-    group.bench_function("hulls", |b| {
+    group.bench_function("sections", |b| {
         b.iter(|| {
-            for (_, _, points) in &planes {
-                black_box(polygon::region(points));
+            for (cell, plane, _) in &planes {
+                let [low, high] = cell.bounds();
+                black_box(plane.section(low, high));
             }
         });
     });
-    let hulls = planes.iter();
-    let hulls = hulls.filter_map(|(c, p, points)| Some((*c, *p, polygon::region(points)?)));
-    let hulls: Vec<(Cell, Plane, Vec<Vec2>)> = hulls.collect();
-    group.throughput(Throughput::Elements(hulls.len() as u64));
-    group.bench_function("clipping", |b| {
-        let clip = |hulls: Vec<(Cell, Plane, Vec<Vec2>)>| {
-            for (cell, plane, hull) in hulls {
-                let [low, high] = cell.bounds();
-                let clipped = plane.clip_to_box(hull, low, high);
-                black_box(polygon::vertices(&plane, clipped));
+    let sections = |(cell, plane, points): (Cell, Plane, Vec<Vec2>)| {
+        let [low, high] = cell.bounds();
+        (plane.section(low, high), plane, points)
+    };
+    let sections: Vec<_> = planes.into_iter().map(sections).collect();
+    group.bench_function("outlines", |b| {
+        let outline = |sections: Vec<(Vec<Vec2>, Plane, Vec<Vec2>)>| {
+            for (section, plane, points) in sections {
+                let region = Region::of(&points, section);
+                black_box(region.map(|r| polygon::vertices(&plane, r.outline)));
             }
         };
-        b.iter_batched(|| hulls.clone(), clip, BatchSize::LargeInput);
+        b.iter_batched(|| sections.clone(), outline, BatchSize::LargeInput);
     });
     group.throughput(Throughput::Elements(found.len() as u64));
     group.bench_function("virtual lights", |b| {
