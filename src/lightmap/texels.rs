@@ -14,6 +14,9 @@ use crate::scene::{Mesh, Scene};
 /// How far inside its triangle a texel's point lies at least, in texels (less in triangles too small for that), so that
 /// it does not lie in the wall that meets the surface there.
 const INSET: f64 = 1.0 / 64.0;
+/// The same at most, as a share of the inradius: the incentre of a sliver lies near one of its ends, and texels along the other
+/// are not all to be lit where that share ends.
+const INSET_SHARE: f64 = 0.1;
 
 /// Which triangle owns which texel, as `bake::uv_raster` finds it (VPL13 section 4).
 #[derive(Clone, Debug, Default)]
@@ -324,7 +327,7 @@ fn inner_weights(uv: [Vec2; 3], center: Vec2) -> [f64; 3] {
     let incentre = sides.map(|side| side / perimeter);
     let middle = v[0] * incentre[0] + v[1] * incentre[1] + v[2] * incentre[2];
     let inradius = area.abs() / perimeter;
-    let shrink = 1.0 - (INSET / inradius).min(0.5);
+    let shrink = 1.0 - (INSET / inradius).min(INSET_SHARE);
     let near = nearest_weights(v.map(|v| middle + (v - middle) * shrink));
     std::array::from_fn(|i| near[i] * shrink + incentre[i] * (1.0 - shrink))
 }

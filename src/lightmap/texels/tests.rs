@@ -245,7 +245,7 @@ proptest! {
         if area < 1e-6 {
             return Ok(());
         }
-        let margin = INSET.min(0.5 * area / perimeter);
+        let margin = INSET.min(INSET_SHARE * area / perimeter);
         let depth = |p: DVec2| (0..3).map(|i| distance_to_line(p, v[i], v[(i + 1) % 3])).fold(f64::INFINITY, f64::min);
         prop_assert!(depth(point) > margin - 1e-6);
         let reached = point.distance(center.as_dvec2());
