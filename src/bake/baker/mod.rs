@@ -37,7 +37,7 @@ use crate::transport::paths::{self, PathSettings};
 use crate::transport::validate::Validator;
 use journal::Journal;
 
-/// The share of invalid flux at which validation and balancing take turns (eq. 2).
+/// The share of invalid flux at which balancing may have half of the work (eq. 2).
 pub const TURNS_AT: f64 = 0.1;
 
 /// Bakes a scene and follows its edits.
@@ -221,7 +221,7 @@ impl Baker {
         &self.settings
     }
 
-    /// The share of invalid flux at which validation and balancing take turns (eq. 2's t), above 0 and below 1; 0.1 at first.
+    /// The share of invalid flux at which balancing may have half of the work (eq. 2's t), above 0 and below 1; 0.1 at first.
     pub fn set_turns_at(&mut self, t: f64) {
         self.turns_at = t;
     }

@@ -216,12 +216,12 @@ fn seen(light: &VirtualLight, around: &Surroundings, margin: f32) -> Vec<Seen> {
         let center = Vec3::from(r.center) - light.position;
         let extent = Vec3::from(r.extent) + moved(light, around, r);
         let nearest = (center.abs() - extent).max(Vec3::ZERO).length();
-        // Twice what one lookup spans: there and back.
         let taps = if nearest > 0.0 {
             2.0 * (WIDEST_TAP * radius / (0.5 * nearest)).atan()
         } else {
             f32::INFINITY
         };
+        // From what is seen to the receiver, and from there to its other taps.
         let margin = if around.soft {
             2.0 * margin + taps
         } else {
