@@ -108,6 +108,7 @@ struct View {
     uint version;
     uint other;    // the version that its light's other view shows; its own where there is none
     uint borrows;  // not 0: what stands in both versions is drawn in the view so many before this one, and copied
+    uint kept;     // how much of it was kept from before (KEPT_*): that is not drawn
     // Of each face, of an orthographic map in the first: the rectangle that is asked for, first column and row, last column
     // and row, a byte each, in 256ths of the face. Both versions of an update see the same beside it.
     uint asked[FACES];
@@ -127,6 +128,7 @@ struct Light {
     uint other_view; // and of those in `other`
     uint version;   // the scene that it shines in
     uint other;     // the scene that it shone in; the same where the whole light comes or goes
+    uint parts;     // of the map, which it is to reach (PART_*)
     uint first_region; // boxes of what light passes otherwise in the two
     uint regions;
     vec3 origin;    // where shadows are cast from

@@ -29,7 +29,9 @@ void main() {
     View view = views.at[index];
     Instance instance = instances.at[groups.at[group].instance];
     bool in_both = stands(instance, view.other);
-    bool asked = stands(instance, view.version) && (!in_both || view.borrows == 0);
+    // What was kept of the view need not be drawn.
+    bool drawn = view.kept < KEPT_BOTH || view.kept == KEPT_BOTH && !in_both;
+    bool asked = stands(instance, view.version) && drawn && (!in_both || view.borrows == 0);
     vec3 offset = groups.at[group].center - view.origin;
     vec3 extent = groups.at[group].extent;
     uint faces = asked ? faces_of(view, offset, extent) : 0;

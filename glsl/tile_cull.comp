@@ -25,6 +25,7 @@ layout(push_constant, scalar) uniform Push {
     Sums pairs;       // FORMS: pairs of a texel and a light that were left in, so far
     Views views;
     Floats blocks;    // of the views' depth maps
+    Uints parts;      // of the map: PART_* by tile of texels
     uint tile_count;
     uint light_count;
     float epsilon;    // half a texel: VPL13 fig. 8
@@ -227,6 +228,7 @@ void main() {
     Instance whose[EACH];
     vec3 centers[EACH], extents[EACH], axes[EACH];
     float cones[EACH];
+    uint parts_of[EACH];
     // Lights that the tile may see, and those of them that light it in both of their versions.
     uint reaching[EACH], both[EACH];
     [[unroll]] for (uint k = 0; k < EACH; ++k) {
@@ -235,7 +237,11 @@ void main() {
         bool any = first + k * gl_WorkGroupSize.x < tile_count && instance != NONE;
         // One that has ended before it began stands in no version.
         whose[k] = Instance(0, 0, 0);
-        if (any) whose[k] = instances.at[instance];
+        parts_of[k] = 0;
+        if (any) {
+            whose[k] = instances.at[instance];
+            parts_of[k] = parts.at[tiles.at[tile].sums];
+        }
         centers[k] = tiles.at[tile].center;
         extents[k] = tiles.at[tile].extent;
         axes[k] = tiles.at[tile].axis;
@@ -250,6 +256,7 @@ void main() {
         vec3 normal = lights.at[i].normal;
         vec3 position = lights.at[i].position;
         float radius = lights.at[i].radius;
+        uint wanted = lights.at[i].parts;
         bool one_sided = kind == LIGHT_POLYGON || kind == LIGHT_DISK || kind == LIGHT_SPOT;
         [[unroll]] for (uint k = 0; k < EACH; ++k) {
             bool comes = stands(whose[k], version);
@@ -257,7 +264,7 @@ void main() {
             vec3 to_light = position - centers[k];
             bool faced = !one_sided || -dot(normal, to_light) + dot(abs(normal), extents[k]) + epsilon > 0.0;
             bool above = standing(kind, to_light, normal, radius, axes[k], cones[k], length(extents[k])).any_above;
-            reaching[k] |= (comes || goes) && faced && above ? 1u << i : 0u;
+            reaching[k] |= (comes || goes) && (wanted & parts_of[k]) != 0 && faced && above ? 1u << i : 0u;
             both[k] |= comes && goes ? 1u << i : 0u;
         }
         if (++i == light_count) break;

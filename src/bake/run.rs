@@ -83,7 +83,7 @@ fn fill_in_time(
         let size = sizes.pop();
         let started = Instant::now();
         baker.aim_at(size.map(Budget::Cells));
-        let lights = baker.lights_left();
+        let lights = baker.lights_left()?;
         if sent > 0 {
             let expected = spent.mul_f64(lights as f64 / sent as f64);
             if Instant::now() + expected > deadline {
@@ -103,7 +103,7 @@ fn fill_in_time(
 fn verify_reversal(baker: &mut Baker) -> Result<(), BakeError> {
     let before = baker.illumination.sums()?;
     for sign in [Sign::Subtract, Sign::Add] {
-        for held in baker.held.values() {
+        for held in baker.holdings.seen().values() {
             for light in held.selected.lights.iter().step_by(2) {
                 baker.illumination.push(light.clone(), sign, held.version)?;
             }

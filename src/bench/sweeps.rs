@@ -268,7 +268,7 @@ struct Fill {
 fn fill(baker: &mut Baker) -> Result<Fill, BenchError> {
     baker.start_over()?;
     // Tracing and clustering are not what is measured.
-    let lights = baker.lights_left() as f64;
+    let lights = baker.lights_left()? as f64;
     let gpu = baker.gpu().clone();
     let before = gpu.timings();
     let start = Instant::now();

@@ -128,6 +128,10 @@ impl Baker {
                 reach: self.clearances.reach(),
             };
             let boxes = changed.boxes();
+            if let Some(sight) = &mut self.sight {
+                let came = !self.new_tiles.is_empty();
+                sight.follow(&scene, &self.bvh, &self.atlas, &self.texels, &boxes, came);
+            }
             let (replaced, near) =
                 self.clearances
                     .update(&scene, &self.bvh, &mut self.texels, objects, &boxes);

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use crate::bake::device::records::Parts;
 use crate::bake::order::schedule::{Held, Kind};
 use crate::cluster::CellId;
 
@@ -14,6 +15,8 @@ pub struct Entry {
     pub seconds: f64,
     /// Lumens that the plan still counted as wrong afterwards.
     pub invalid_flux: f64,
+    /// The parts of the map that it was done in.
+    pub(in crate::bake) parts: Parts,
     /// Cells that left, with what they held.
     pub(in crate::bake) subtracted: Vec<Held>,
     /// Cells that came, the same ones where they only followed the scene.
@@ -25,9 +28,10 @@ pub struct Entry {
 }
 
 impl Entry {
-    pub(super) fn new(kind: Kind) -> Self {
+    pub(super) fn new(kind: Kind, parts: Parts) -> Self {
         Self {
             kind,
+            parts,
             seconds: f64::NAN,
             invalid_flux: 0.0,
             taken: [0; 2],

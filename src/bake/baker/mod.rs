@@ -2,13 +2,13 @@
 //! to the other by updates that each leave the map whole.
 
 mod edits;
+mod holdings;
 pub(super) mod journal;
 pub(super) mod on_device;
 mod outcome;
 mod session;
 pub(super) mod step;
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -18,13 +18,14 @@ use crate::bake::job::settings::{Clusters as Cells, Settings};
 use crate::bake::job::{BakeError, Job};
 use crate::bake::order::brightness::Brightness;
 use crate::bake::order::plan::Plan;
-use crate::bake::order::schedule::{Held, Priority};
+use crate::bake::order::schedule::Priority;
+use crate::bake::order::sight::Sight;
 use crate::bake::passes::accumulate::Evaluation;
 use crate::bake::passes::uv_raster;
 use crate::bake::update::Illumination;
 use crate::bake::world::clearance::Clearances;
 use crate::bake::world::versions::Version;
-use crate::cluster::{Budget, CellId, Clusters, Ledger, SimilaritySettings, Wanted};
+use crate::cluster::{Budget, Clusters, SimilaritySettings, Wanted};
 use crate::gpu::{Gpu, GpuError};
 use crate::lightmap::Atlas;
 use crate::lightmap::detail::{Point, Probe};
@@ -35,6 +36,7 @@ use crate::transport::SceneBvh;
 use crate::transport::direct::DirectLight;
 use crate::transport::paths::{self, PathSettings};
 use crate::transport::validate::Validator;
+use holdings::Holdings;
 use journal::Journal;
 
 /// The share of invalid flux at which balancing may have half of the work (eq. 2).
@@ -90,12 +92,16 @@ pub struct Baker {
     pub(super) settled: bool,
     /// An edit came, and direct light has not followed it yet.
     pub(super) edited: bool,
-    pub(super) held: BTreeMap<CellId, Held>,
+    pub(super) holdings: Holdings,
+    /// Who looks, and what of the map is seen: that part follows edits first.
+    pub(super) camera: Option<Camera>,
+    pub(super) sight: Option<Sight>,
+    /// By tile of texels, the part of the map that was seen when it was divided.
+    pub(super) seen: Vec<bool>,
     pub(super) plan: Plan,
     pub(super) turns_at: f64,
     pub(super) illumination: Illumination,
     pub(super) journal: Journal,
-    pub(super) ledger: Ledger,
     pub(super) brightness: Brightness,
     pub(super) priority: Priority,
 }
@@ -166,10 +172,11 @@ impl Baker {
         let ((settings, validator, clusters), surface) = rayon::join(light, surface);
         let (atlas, claims, texels, clearances) = surface?;
         drop(probe);
-        let illumination = stages.time(Stage::Upload, || {
+        let mut illumination = stages.time(Stage::Upload, || {
             empty_map(gpu, &scene, &texels, &settings, atlas.density)
         })?;
-        let ledger = Ledger::new(&clusters);
+        illumination.keep_maps(job.kept_maps);
+        let holdings = Holdings::new(&clusters);
         let objects: Vec<u32> = (0..atlas.objects.len() as u32).collect();
         let mut baker = Self {
             gpu: gpu.clone(),
@@ -188,12 +195,14 @@ impl Baker {
             wanted: Wanted::new(),
             settled: false,
             edited: false,
-            held: BTreeMap::new(),
+            holdings,
+            camera: None,
+            sight: None,
+            seen: Vec::new(),
             plan: Plan::default(),
             turns_at: TURNS_AT,
             illumination,
             journal: Journal::default(),
-            ledger,
             brightness: Brightness::default(),
             priority: Priority::default(),
         };
@@ -229,6 +238,7 @@ impl Baker {
     /// What `camera` sees is put right first; without one, all surfaces count the same. The map that it comes to is the same.
     pub fn look_from(&mut self, camera: Option<&Camera>) {
         self.brightness.look_from(camera);
+        self.camera = camera.cloned();
     }
 
     /// What tells which lights an edit made wrong: the order of updates, never their result.
@@ -257,8 +267,7 @@ impl Baker {
     /// No memory, a lost device.
     pub fn start_over(&mut self) -> Result<(), GpuError> {
         self.illumination.clear()?;
-        self.held.clear();
-        self.ledger = Ledger::new(&self.clusters);
+        self.holdings = Holdings::new(&self.clusters);
         self.plan = Plan::default();
         self.settled = false;
         self.edited = false;

@@ -81,7 +81,7 @@ impl Baker {
             p_uv: standing().map(|o| owned(o, |c| c.p_uv)).sum(),
             paths: paths.paths() as u64,
             vpls: paths.vpls().count() as u64,
-            clusters: self.held.len() as u64,
+            clusters: self.holdings.seen().len() as u64,
             accumulated: self.illumination.lights_sent(),
             pairs: self.illumination.pairs().clone(),
             offered_pairs: self.illumination.pass().offered(),
@@ -89,7 +89,7 @@ impl Baker {
             shadows: self.illumination.shadows(),
             ..Counts::default()
         };
-        for light in self.held.values().flat_map(|h| &h.selected.lights) {
+        for light in self.holdings.seen().values().flat_map(|h| &h.selected.lights) {
             *counts.virtual_lights.entry(light.shape.name()).or_default() += 1;
         }
         let gpu = self.gpu();
@@ -112,7 +112,7 @@ impl Baker {
                 driver: gpu.info().driver.clone(),
                 threads: rayon::current_num_threads(),
             },
-            flux: flux(paths, &self.held),
+            flux: flux(paths, self.holdings.seen()),
             counts,
             settings: self.settings().clone(),
             estimated_error: self.error(),

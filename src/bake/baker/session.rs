@@ -20,9 +20,10 @@ impl Baker {
         &self.bvh
     }
 
-    /// The virtual lights whose light is in the map, or is on its way there, with their cells.
+    /// The virtual lights whose light is in the map, or is on its way there, with their cells; where what is seen goes ahead, its
+    /// lights.
     pub fn virtual_lights(&self) -> impl Iterator<Item = (&CellId, &VirtualLight)> {
-        let held = self.held.iter();
+        let held = self.holdings.seen().iter();
         held.flat_map(|(cell, held)| held.selected.lights.iter().map(move |light| (cell, light)))
     }
 

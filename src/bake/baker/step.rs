@@ -5,10 +5,15 @@ use std::time::{Duration, Instant};
 
 use tracing::debug_span;
 
+use super::holdings::Holding;
 use super::journal::Entry;
 use crate::bake::baker::Baker;
+use crate::bake::device::records::Parts;
+use crate::bake::order::brightness::Brightness;
+use crate::bake::order::eye::Eye;
 use crate::bake::order::plan::Plan;
 use crate::bake::order::schedule::{self, Held, Priority, What};
+use crate::bake::order::sight::{Division, Sight};
 use crate::cluster::{CellId, Forest as _, Ledger};
 use crate::gpu::GpuError;
 
@@ -120,7 +125,7 @@ impl Baker {
             let direct = std::mem::take(&mut self.edited);
             if direct {
                 self.trace(0);
-                self.plan_wanted();
+                self.plan_wanted()?;
             } else {
                 let tracing = match limit {
                     Limit::Time(time) | Limit::Slice { time, .. } => {
@@ -128,7 +133,7 @@ impl Baker {
                     }
                     _ => None,
                 };
-                self.settle(tracing);
+                self.settle(tracing)?;
             }
             if begun_only || limit == Limit::Updates(updates) {
                 break;
@@ -159,7 +164,7 @@ impl Baker {
             if self.is_planned_out() && !waits(self) {
                 self.illumination.flush()?;
                 self.journal.reach(self.illumination.taken_and_done().1);
-                self.ledger = Ledger::new(&self.clusters);
+                self.holdings.forget_invalid(&self.clusters);
                 self.brightness.forget();
                 return Ok(self.standing(updates));
             }
@@ -190,9 +195,9 @@ impl Baker {
     }
 
     /// Validates paths, until `until` or to the end, and plans what follows from them.
-    fn settle(&mut self, until: Option<Instant>) {
+    fn settle(&mut self, until: Option<Instant>) -> Result<(), GpuError> {
         if self.settled && self.validator.is_valid() {
-            return;
+            return Ok(());
         }
         while !self.validator.is_valid() {
             self.trace(until.map_or(usize::MAX, |_| PATHS_AT_ONCE));
@@ -200,8 +205,9 @@ impl Baker {
                 break;
             }
         }
-        self.plan_wanted();
+        self.plan_wanted()?;
         self.settled = true;
+        Ok(())
     }
 
     /// Traces so many paths again, and brings the octree and the ledger to what they found.
@@ -211,20 +217,64 @@ impl Baker {
         let differences = self.validator.step(&scene, &self.bvh, paths);
         let paths = self.validator.paths();
         debug_span!("octree").in_scope(|| self.clusters.apply(&scene, paths, &differences));
-        let ledger = &mut self.ledger;
-        debug_span!("ledger").in_scope(|| ledger.note(&self.clusters, &self.held, &differences));
+        debug_span!("ledger").in_scope(|| self.holdings.note(&self.clusters, &differences));
     }
 
     /// Finds out what should be held by now, and plans the way there.
-    fn plan_wanted(&mut self) {
+    fn plan_wanted(&mut self) -> Result<(), GpuError> {
         let _span = debug_span!("plan").entered();
         debug_span!("wanted").in_scope(|| self.wanted.update(&self.clusters, self.target));
-        let held = std::mem::take(&mut self.held);
-        let mut updates = self.exchanges(&held);
-        self.held = held;
-        let advances = self.advances(&updates);
-        updates.extend(advances);
+        debug_span!("look").in_scope(|| self.look())?;
+        let mut brightness = std::mem::take(&mut self.brightness);
+        let mut updates = Vec::new();
+        for (parts, Holding { cells, ledger }) in self.holdings.parts() {
+            let exchanges = self.exchanges(&mut brightness, parts, cells, ledger);
+            let advances = self.advances(&mut brightness, parts, cells, ledger, &exchanges);
+            updates.extend(exchanges);
+            updates.extend(advances);
+        }
+        self.brightness = brightness;
+        let mut updates = schedule::join(updates, |cell| self.holdings.is_one(cell));
+        if self.division().is_some() {
+            updates = schedule::seen_first(updates);
+        }
         self.plan = Plan::new(updates, self.plan.owed());
+        Ok(())
+    }
+
+    /// Divides the map into what is seen and the rest, where that is another division than before, and nothing is on its way.
+    fn look(&mut self) -> Result<(), GpuError> {
+        if !self.holdings.are_one() || self.illumination.is_behind() {
+            return Ok(());
+        }
+        let (scene, size) = (self.editor.scene(), self.editor.scene().bounds().size());
+        let same = match (&self.sight, &self.camera) {
+            (Some(sight), Some(camera)) => {
+                Eye::new(sight.camera()).is_like(&Eye::new(camera), size.length())
+            }
+            (sight, camera) => sight.is_none() && camera.is_none(),
+        };
+        if !same {
+            let sight = |camera| Sight::new(scene, &self.bvh, &self.atlas, &self.texels, camera);
+            self.sight = self.camera.as_ref().map(sight);
+        }
+        let tiles = |sight: &Sight| sight.tiles(&self.texels);
+        let seen = self.sight.as_ref().map(tiles).unwrap_or_default();
+        if seen != self.seen {
+            self.illumination.divide(&seen)?;
+            self.seen = seen;
+            self.brightness.forget();
+        }
+        Ok(())
+    }
+
+    /// The parts of the map, if somebody looks.
+    fn division(&self) -> Option<Division<'_>> {
+        self.sight.as_ref().map(|sight| Division {
+            slots: sight.slots(),
+            atlas: &self.atlas,
+            seen: &self.seen,
+        })
     }
 
     /// Scenes that no light is held under any more make room.
@@ -233,15 +283,18 @@ impl Baker {
             return Ok(());
         }
         let current = self.illumination.version();
-        let held = self.held.values().map(|h| h.version).min();
+        let held = self.holdings.all().map(|h| h.version).min();
         let oldest = held.into_iter().chain(self.illumination.oldest_waiting());
         self.forget_before(oldest.min().unwrap_or(current))
     }
 
-    /// The updates that lead from `held` to what is wanted.
+    /// The updates that lead from what parts of the map hold to what is wanted.
     pub(in crate::bake) fn exchanges(
-        &mut self,
+        &self,
+        brightness: &mut Brightness,
+        parts: Parts,
         held: &BTreeMap<CellId, Held>,
+        ledger: &Ledger,
     ) -> Vec<schedule::Update> {
         let wanted = self.wanted.cells();
         let scale = self.clusters.scale().max(f64::MIN_POSITIVE);
@@ -257,14 +310,23 @@ impl Baker {
             old.chain(add.iter().map(|c| &wanted[c]))
         });
         let (scene, bvh) = (self.editor.scene(), &self.bvh);
-        debug_span!("brightness").in_scope(|| self.brightness.learn(scene, bvh, changing));
-        let ledger = |cell: &CellId| self.ledger.flux(cell);
-        let update = |group| schedule::exchange(group, held, wanted, &self.brightness, key, ledger);
+        let division = self.division();
+        debug_span!("brightness").in_scope(|| brightness.learn(scene, bvh, division, changing));
+        let invalid = |cell: &CellId| ledger.flux(cell);
+        let update =
+            |group| schedule::exchange(group, parts, held, wanted, brightness, key, invalid);
         groups.into_iter().map(update).collect()
     }
 
     /// The updates that bring what stays held to the current scene.
-    fn advances(&mut self, exchanges: &[schedule::Update]) -> Vec<schedule::Update> {
+    fn advances(
+        &self,
+        brightness: &mut Brightness,
+        parts: Parts,
+        held: &BTreeMap<CellId, Held>,
+        ledger: &Ledger,
+        exchanges: &[schedule::Update],
+    ) -> Vec<schedule::Update> {
         let current = self.illumination.version();
         // What is about to leave anyhow need not follow the scene first.
         let leaving: BTreeSet<CellId> = exchanges
@@ -274,16 +336,15 @@ impl Baker {
             .copied()
             .collect();
         let stays = |cell: &CellId, held: &Held| held.version != current && !leaving.contains(cell);
-        let held = || self.held.iter().filter(|(cell, held)| stays(cell, held));
+        let staying = || held.iter().filter(|(cell, held)| stays(cell, held));
         let illumination = &self.illumination;
         let bounds = self.priority == Priority::Bounds;
         if bounds {
             let (scene, bvh) = (self.editor.scene(), &self.bvh);
-            let held = held().map(|(_, held)| held);
+            let held = staying().map(|(_, held)| held);
             debug_span!("towards").in_scope(|| {
                 let between = |version| illumination.between(version);
-                self.brightness
-                    .learn_towards(scene, bvh, current, held, between);
+                brightness.learn_towards(scene, bvh, self.division(), current, held, between);
             });
         }
         let mut regions = BTreeMap::new();
@@ -291,59 +352,58 @@ impl Baker {
             let regions = regions
                 .entry(held.version)
                 .or_insert_with(|| illumination.between(held.version));
-            let invalid = self.ledger.flux(&cell);
-            let towards = bounds.then(|| self.brightness.towards(held, current));
-            schedule::advance(cell, held, regions, invalid, towards)
+            let invalid = ledger.flux(&cell);
+            let towards = bounds.then(|| brightness.towards(held, current));
+            schedule::advance(cell, parts, held, regions, invalid, towards)
         };
-        held().map(update).collect()
+        staying().map(update).collect()
     }
 
     /// Does an update: all of it is sent before anything else is.
     fn perform(&mut self, update: &schedule::Update) -> Result<(), GpuError> {
         let _span = debug_span!("update", kind = update.kind.name()).entered();
-        let current = self.illumination.version();
-        let mut entry = Entry::new(update.kind);
-        match &update.what {
+        let version = self.illumination.version();
+        let wanted = self.wanted.cells();
+        let change = |held: &mut BTreeMap<CellId, Held>| match &update.what {
             What::Advance(cell) => {
                 // It may have been exchanged since it was planned.
-                let Some(held) = self.held.get_mut(cell).filter(|h| h.version != current) else {
-                    return Ok(());
-                };
-                entry.subtracted.push(held.clone());
-                held.version = current;
-                entry.added.push(held.clone());
-                self.ledger.take(cell);
+                let old = held.get(cell).filter(|h| h.version != version).cloned();
+                let new = old.clone().map(|old| Held { version, ..old });
+                held.extend(new.clone().map(|new| (*cell, new)));
+                (Vec::from_iter(old), Vec::from_iter(new))
             }
             What::Exchange { subtract, add } => {
-                entry
-                    .subtracted
-                    .extend(subtract.iter().filter_map(|c| self.held.remove(c)));
-                for cell in add {
-                    if let Some(selected) = self.wanted.cells().get(cell).cloned() {
-                        let held = Held {
-                            selected,
-                            version: current,
-                        };
-                        entry.added.push(held.clone());
-                        self.held.insert(*cell, held);
-                    }
-                }
-                for cell in subtract.iter().chain(add) {
-                    self.ledger.take(cell);
-                }
+                let old = subtract.iter().filter_map(|cell| held.remove(cell));
+                let old: Vec<Held> = old.collect();
+                let selected = add.iter().filter_map(|cell| wanted.get(cell).cloned());
+                let new = selected.map(|selected| Held { selected, version });
+                let new: Vec<Held> = new.collect();
+                held.extend(new.iter().map(|new| (new.selected.cell, new.clone())));
+                (old, new)
             }
-        }
+        };
+        let done = self.holdings.change(update.parts, &update.what.cells(), change);
         let lights = |cells: &[Held]| cells.iter().flat_map(Held::lights).collect::<Vec<_>>();
-        let (leaving, coming) = (lights(&entry.subtracted), lights(&entry.added));
-        entry.lights = self.illumination.exchange(leaving, coming)?;
-        let (taken, _) = self.illumination.taken_and_done();
-        self.journal.note(entry, self.plan.invalid_flux(), taken);
+        for (parts, (old, new)) in done {
+            if old.is_empty() && new.is_empty() {
+                continue;
+            }
+            let (leaving, coming) = (lights(&old), lights(&new));
+            let mut entry = Entry::new(update.kind, parts);
+            (entry.subtracted, entry.added) = (old, new);
+            entry.lights = self.illumination.exchange(parts, leaving, coming)?;
+            let (taken, _) = self.illumination.taken_and_done();
+            self.journal.note(entry, self.plan.invalid_flux(), taken);
+        }
         Ok(())
     }
 
     /// Evaluations of lights that the map still needs, all paths validated.
-    pub fn lights_left(&mut self) -> u64 {
-        self.settle(None);
-        self.plan.lights()
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn lights_left(&mut self) -> Result<u64, GpuError> {
+        self.settle(None)?;
+        Ok(self.plan.lights())
     }
 }

@@ -96,6 +96,32 @@ pub(in crate::bake) struct Group {
 /// Counts edits of the scene; 0 is the scene as loaded.
 pub type Version = u32;
 
+/// Parts of the map: what a camera sees of it, and the rest. Each holds its own lights while an edit is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Parts(u32);
+
+impl Parts {
+    /// What the camera sees.
+    pub const SEEN: Self = Self(PART_SEEN);
+    /// What it does not.
+    pub const REST: Self = Self(PART_REST);
+    /// The whole map.
+    pub const ALL: Self = Self(PART_SEEN | PART_REST);
+
+    /// Each by itself.
+    pub(in crate::bake) const EACH: [Self; 2] = [Self::SEEN, Self::REST];
+
+    /// As the shaders read them.
+    pub(in crate::bake) fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// Whether all of another are among these.
+    pub(in crate::bake) fn hold(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+}
+
 /// `Instance`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -129,6 +155,7 @@ pub(in crate::bake) struct View {
     pub version: u32,
     pub other: u32,
     pub borrows: u32,
+    pub kept: u32,
     pub asked: [u32; FACES as usize],
 }
 
@@ -149,6 +176,7 @@ pub(in crate::bake) struct Light {
     pub other_view: u32,
     pub version: u32,
     pub other: u32,
+    pub parts: u32,
     pub first_region: u32,
     pub regions: u32,
     pub origin: [f32; 3],

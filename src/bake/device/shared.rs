@@ -11,6 +11,12 @@ pub const MACROS: &[(&str, u32)] = &[
     ("BLOCKS", BLOCKS),
     ("VIEW_BLOCKS", VIEW_BLOCKS),
     ("FACES", FACES),
+    ("PART_SEEN", PART_SEEN),
+    ("PART_REST", PART_REST),
+    ("KEPT_NOTHING", KEPT_NOTHING),
+    ("KEPT_BESIDE", KEPT_BESIDE),
+    ("KEPT_BOTH", KEPT_BOTH),
+    ("KEPT_ALL", KEPT_ALL),
     ("LIST_ROW", LIST_ROW),
     ("MAX_VERTICES", MAX_VERTICES),
     ("VIEW_HEMICUBE", VIEW_HEMICUBE),
@@ -78,6 +84,18 @@ pub const BLOCKS: u32 = 32;
 pub const VIEW_BLOCKS: u32 = 3 * BLOCKS * BLOCKS;
 /// Faces of a hemicube.
 pub const FACES: u32 = 5;
+/// Parts of the map, a bit each: what a camera sees.
+pub const PART_SEEN: u32 = 1;
+/// What it does not.
+pub const PART_REST: u32 = 2;
+/// `View.kept`: it is drawn.
+pub const KEPT_NOTHING: u32 = 0;
+/// What lies beside what is asked for is there; that is cleared and drawn.
+pub const KEPT_BESIDE: u32 = 1;
+/// What stands in both of its light's versions is there, and nothing else.
+pub const KEPT_BOTH: u32 = 2;
+/// It is there.
+pub const KEPT_ALL: u32 = 3;
 /// Lists are dispatched as rows of this many workgroups: the guaranteed limit is 65,535 a dimension.
 pub const LIST_ROW: u32 = 32768;
 /// Most vertices of a polygon light (VPL13 section 5.2).

@@ -8,12 +8,14 @@ use super::replay::Step;
 use super::viewport;
 use crate::bake::baker::Baker;
 use crate::bake::baker::journal::Entry;
+use crate::bake::device::records::Parts;
 use crate::bake::job::BakeError;
 use crate::bake::order::plan::Plan;
 use crate::bake::order::schedule::{Held, What};
 use crate::bake::passes::residual::Residual;
 use crate::bake::run::compare_sums;
 use crate::bake::update::{Illumination, Sign};
+use crate::cluster::Ledger;
 use crate::gpu::{Gpu, GpuError};
 use crate::lightmap::Texel;
 use crate::scene::Camera;
@@ -153,7 +155,11 @@ impl Baker {
         let meter = Meter::new(self, camera)?;
         let scene = self.scene().clone();
         let mut fresh = self.fresh_map(&scene)?;
-        let mut plan = Plan::new(self.exchanges(&BTreeMap::new()), 0.0);
+        let mut brightness = std::mem::take(&mut self.brightness);
+        let (nothing, valid) = (BTreeMap::new(), Ledger::new(&self.clusters));
+        let all = self.exchanges(&mut brightness, Parts::ALL, &nothing, &valid);
+        self.brightness = brightness;
+        let mut plan = Plan::new(all, 0.0);
         let mut moments = vec![Moment::new(0.0, 0, meter.off(&mut fresh)?)];
         let (mut updates, mut next) = (0, 1);
         let (mut start, mut spent) = (Instant::now(), Duration::ZERO);
@@ -195,6 +201,6 @@ impl Baker {
 /// The reverse of an update.
 fn take_back(map: &mut Illumination, entry: &Entry) -> Result<(), GpuError> {
     let lights = |cells: &[Held]| cells.iter().flat_map(Held::lights).collect::<Vec<_>>();
-    map.exchange(lights(&entry.added), lights(&entry.subtracted))?;
+    map.exchange(entry.parts, lights(&entry.added), lights(&entry.subtracted))?;
     Ok(())
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::bake::baker::Baker;
+use crate::bake::device::records::Parts;
 use crate::bake::job::BakeError;
 use crate::bake::run::compare_sums;
 use crate::bake::update::Sign;
@@ -47,11 +48,12 @@ impl Baker {
             self.apply(edit, folder)?;
         }
         // Traces all paths: what should be held by now is known then.
-        self.lights_left();
+        self.lights_left()?;
         let to = self.illumination.version();
         let wanted = self.wanted.cells();
         let stays = self
-            .held
+            .holdings
+            .seen()
             .iter()
             .filter(|(cell, held)| wanted.get(cell).is_some_and(|w| **w == *held.selected));
         let lights: Vec<(VirtualLight, Version)> = stays
@@ -61,13 +63,13 @@ impl Baker {
         let before = self.illumination.sums()?;
         // What the driver compiles at its first dispatch is no part of the cost.
         for (light, from) in lights.iter().take(16) {
-            self.illumination.push_difference(light, *from, to)?;
-            self.illumination.push_difference(light, to, *from)?;
+            self.illumination.push_difference(Parts::ALL, light, *from, to)?;
+            self.illumination.push_difference(Parts::ALL, light, to, *from)?;
         }
         let mut touched = 0;
         let there = self.cost("limited updates", |baker| {
             for (light, from) in &lights {
-                touched += u64::from(baker.illumination.push_difference(light, *from, to)?);
+                touched += u64::from(baker.illumination.push_difference(Parts::ALL, light, *from, to)?);
             }
             Ok(())
         })?;
@@ -92,7 +94,7 @@ impl Baker {
         compare_sums(&self.texels, &self.illumination.sums()?, &limited)?;
         let back = self.cost("limited updates", |baker| {
             for (light, from) in &lights {
-                baker.illumination.push_difference(light, to, *from)?;
+                baker.illumination.push_difference(Parts::ALL, light, to, *from)?;
             }
             Ok(())
         })?;

@@ -214,7 +214,7 @@ impl Baker {
     pub fn verify(&mut self) -> Result<(), BakeError> {
         let scene = self.scene().clone();
         let mut fresh = self.fresh_map(&scene)?;
-        for held in self.held.values() {
+        for held in self.holdings.seen().values() {
             for light in &held.selected.lights {
                 fresh.push(light.clone(), Sign::Add, 0)?;
             }

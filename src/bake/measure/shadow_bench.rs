@@ -108,6 +108,7 @@ impl ShadowBench {
                     version: 0,
                     other: 0,
                     borrows: 0,
+                    kept: 0,
                     asked: [ALL; FACES as usize],
                 }
             })
@@ -121,6 +122,7 @@ impl ShadowBench {
                 &self.occluders,
                 versions.address(),
                 views,
+                &[],
                 true,
             )?;
             cmd.submit()?.wait()

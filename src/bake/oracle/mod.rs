@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 
-use crate::bake::device::records::{self, Light, ShadowSizes, Surroundings};
+use crate::bake::device::records::{self, Light, Parts, ShadowSizes, Surroundings};
 use crate::bake::passes::accumulate::{AccumulatePass, Batch, Evaluation};
 use crate::bake::passes::shadow::ShadowPass;
 use crate::bake::world::occluders::Occluders;
@@ -110,6 +110,8 @@ pub(super) fn around() -> Surroundings<'static> {
     Surroundings {
         version: 0,
         other: 0,
+        parts: Parts::ALL,
+        kept: [0; 2],
         regions: &[],
         first_occluder: 0,
         occluders: 0,
@@ -169,7 +171,7 @@ pub(super) fn run(
         let mut cmd = gpu.commands().expect("recording");
         cmd.barrier(Stage::All, Stage::All);
         shadow
-            .record(gpu, &mut cmd, &occluders, versions.address(), &views, true)
+            .record(gpu, &mut cmd, &occluders, versions.address(), &views, &[], true)
             .expect("recording");
         let batch = Batch {
             lights: &records,

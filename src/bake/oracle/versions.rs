@@ -221,7 +221,7 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
                 let (light, old) = held[at].clone();
                 match choose(&mut numbers, 3) {
                     0 => {
-                        map.push_difference(&light, old, version).expect("update");
+                        map.push_difference(Parts::ALL, &light, old, version).expect("update");
                         held[at].1 = version;
                     }
                     1 => {
@@ -248,7 +248,7 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         all_reused += reused;
         let last = map.version();
         for (light, version) in &mut held {
-            map.push_difference(light, *version, last).expect("update");
+            map.push_difference(Parts::ALL, light, *version, last).expect("update");
             *version = last;
         }
         map.forget(last).expect("room");
@@ -357,7 +357,7 @@ fn a_tile_takes_the_place_of_another_beside_what_was_asked_for_too() {
         .change(&scene, &texels, &[], &[0], changed)
         .expect("a change");
     assert!(
-        map.push_difference(&light, 0, version).expect("update"),
+        map.push_difference(Parts::ALL, &light, 0, version).expect("update"),
         "the light misses what changed"
     );
     let sums = map.sums().expect("read-back");

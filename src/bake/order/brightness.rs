@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::eye::Eye;
 use super::schedule::Held;
+use super::sight::{Both, Division};
 use super::towards::{Towards, towards};
 use crate::bake::device::records::Region;
 use crate::bake::world::versions::Version;
@@ -26,7 +27,7 @@ const RAYS: u32 = 12;
 #[derive(Debug, Default)]
 pub(in crate::bake) struct Brightness {
     /// By address, which stays theirs as long as they are kept here.
-    known: BTreeMap<usize, (Arc<Selected>, Vec<f64>)>,
+    known: BTreeMap<usize, (Arc<Selected>, Vec<Both>)>,
     /// What goes towards what changed between two versions, likewise.
     towards: BTreeMap<(usize, Version, Version), (Arc<Selected>, Towards)>,
     /// Who looks, if anybody does, and who did when that was found out.
@@ -45,6 +46,7 @@ impl Brightness {
         &mut self,
         scene: &Scene,
         bvh: &SceneBvh,
+        division: Option<Division>,
         cells: impl IntoIterator<Item = &'a Arc<Selected>>,
     ) {
         let size = scene.bounds().size();
@@ -58,7 +60,7 @@ impl Brightness {
             .par_iter()
             .map(|cell| {
                 let lights = cell.lights.iter();
-                let norms = lights.map(|light| f64::from(norm(scene, bvh, size, eye, light)));
+                let norms = lights.map(|light| norms(scene, bvh, size, eye, division, light));
                 ((*cell).clone(), norms.collect())
             })
             .collect();
@@ -73,6 +75,7 @@ impl Brightness {
         &mut self,
         scene: &Scene,
         bvh: &SceneBvh,
+        division: Option<Division>,
         current: Version,
         held: impl IntoIterator<Item = &'a Held>,
         between: impl Fn(Version) -> Vec<Region>,
@@ -102,6 +105,7 @@ impl Brightness {
                     bvh,
                     size.length(),
                     eye,
+                    division,
                     &held.selected.lights,
                     &regions[&held.version],
                 )
@@ -133,12 +137,12 @@ impl Brightness {
     }
 
     /// By light of a cell: the norm (root of the integral of the square over all surfaces, lux m) of the irradiance that
-    /// one unit of its flux or intensity causes, what is not seen counting less where somebody looks.
-    pub(super) fn of(&self, cell: &Selected) -> &[f64] {
+    /// one unit of its flux or intensity causes in both parts of the map, what is not seen counting less where somebody looks.
+    pub(super) fn of(&self, cell: &Selected) -> &[Both] {
         self.known.get(&key(cell)).map_or(&[], |known| &known.1)
     }
 
-    /// All lights are where they should be: what is known is needed no more.
+    /// All lights are where they should be, or the map was divided anew: what is known is needed no more.
     pub(in crate::bake) fn forget(&mut self) {
         self.known.clear();
         self.towards.clear();
@@ -150,12 +154,24 @@ fn key(cell: &Selected) -> usize {
 }
 
 /// `size`: of the scene. Monte Carlo: for a diffuse emitter E = cos cos' / (pi d²), and a ray drawn by its cosine stands for d² / cos' of surface.
-fn norm(scene: &Scene, bvh: &SceneBvh, size: Vec3, eye: Option<&Eye>, light: &VirtualLight) -> f32 {
+fn norms(
+    scene: &Scene,
+    bvh: &SceneBvh,
+    size: Vec3,
+    eye: Option<&Eye>,
+    division: Option<Division>,
+    light: &VirtualLight,
+) -> Both {
     let area = match &light.shape {
         Shape::Directional { .. } => {
             // A box shows a quarter of its surface.
             let area = 0.5 * (size.x * size.y + size.y * size.z + size.z * size.x);
-            return area.sqrt();
+            let area = f64::from(area);
+            return if division.is_some() {
+                [(0.5 * area).sqrt(); 2]
+            } else {
+                [0.0, area.sqrt()]
+            };
         }
         Shape::Disk { area } => *area,
         Shape::Polygon { vertices } => {
@@ -167,8 +183,8 @@ fn norm(scene: &Scene, bvh: &SceneBvh, size: Vec3, eye: Option<&Eye>, light: &Vi
     };
     let far = size.length().max(1e-6);
     let nearest = 1e-6 * far * far;
-    let sum: f32 = (0..RAYS)
-        .filter_map(|i| {
+    let mut sums = [0.0; 2];
+    for i in 0..RAYS {
             // The golden ratio: even in both directions.
             let u = [
                 (i as f32 + 0.5) / RAYS as f32,
@@ -188,19 +204,21 @@ fn norm(scene: &Scene, bvh: &SceneBvh, size: Vec3, eye: Option<&Eye>, light: &Vi
                     offset(light.position, light.normal),
                 ),
             };
-            let hit = bvh.closest(scene, origin, direction, far)?;
+            let Some(hit) = bvh.closest(scene, origin, direction, far) else {
+                continue;
+            };
             let arriving = hit.normal.dot(direction).abs() / (hit.t * hit.t + area / PI + nearest);
             let weight = eye.map_or(1.0, |eye| {
                 eye.weight(scene, bvh, origin + direction * hit.t, hit.normal)
             });
-            Some(match light.shape {
+            let part = division.map_or(1, |division| division.part(&hit));
+            sums[part] += f64::from(match light.shape {
                 Shape::Point => 4.0 * PI * arriving * weight,
                 Shape::Spot { outer, .. } => 2.0 * PI * (1.0 - outer.cos()) * arriving * weight,
                 _ => light.normal.dot(direction).max(0.0) * arriving * weight / PI,
-            })
-        })
-        .sum();
-    (sum / RAYS as f32).sqrt()
+            });
+    }
+    sums.map(|sum| (sum / f64::from(RAYS)).sqrt())
 }
 
 #[cfg(test)]
@@ -236,13 +254,13 @@ mod tests {
         });
         let mut brightness = Brightness::default();
         assert!(brightness.of(&cell).is_empty());
-        brightness.learn(&scene, &bvh, [&cell, &cell]);
+        brightness.learn(&scene, &bvh, None, [&cell, &cell]);
         let even = 1.0 / f64::from(radius * (4.0 * PI).sqrt());
-        let [disk, point] = brightness.of(&cell) else {
+        let &[[_, disk], [_, point]] = brightness.of(&cell) else {
             panic!("two lights");
         };
-        assert!((0.8 * even..1.3 * even).contains(disk), "{disk} {even}");
+        assert!((0.8 * even..1.3 * even).contains(&disk), "{disk} {even}");
         let even = 4.0 * f64::from(PI) * even;
-        assert!((0.98 * even..1.02 * even).contains(point), "{point} {even}");
+        assert!((0.98 * even..1.02 * even).contains(&point), "{point} {even}");
     }
 }

@@ -3,18 +3,19 @@
 use glam::Vec3;
 
 use super::brightness::Brightness;
+use super::sight::Both;
 use crate::bake::device::records::Region;
 use crate::cluster::{Selected, Shape, VirtualLight};
 
-/// A light, and the norm of the irradiance that a unit of its flux causes ([`Brightness::of`]).
-pub(super) type Shining<'a> = (&'a VirtualLight, f64);
+/// A light, and the norms of the irradiance that a unit of its flux causes ([`Brightness::of`]).
+pub(super) type Shining<'a> = (&'a VirtualLight, Both);
 
 pub(super) fn shining<'a>(
     cell: &'a Selected,
     brightness: &'a Brightness,
 ) -> impl Iterator<Item = Shining<'a>> + use<'a> {
     let norms = brightness.of(cell);
-    let norm = move |i: usize| norms.get(i).copied().unwrap_or(1.0);
+    let norm = move |i: usize| norms.get(i).copied().unwrap_or([1.0; 2]);
     let lights = cell.lights.iter().enumerate();
     lights.map(move |(i, light)| (light, norm(i)))
 }
@@ -25,9 +26,10 @@ pub(super) fn alone<'a>(lights: &[Shining<'a>], others: &[Shining]) -> Vec<Shini
     lights.iter().filter(one).copied().collect()
 }
 
-/// The square of the norm of the irradiance by which lights differ from whichever of `others` is most like each.
-pub(super) fn unlike(lights: &[Shining], others: &[Shining]) -> f64 {
-    let one = |&(light, norm): &Shining| {
+/// The square of the norm of the irradiance by which lights differ in a part of the map from whichever of `others` is most like each.
+pub(super) fn unlike(lights: &[Shining], others: &[Shining], part: usize) -> f64 {
+    let one = |&(light, norms): &Shining| {
+        let norm = norms[part];
         let flux = lumens(light.flux);
         // At this distance an even emitter would light a patch as it does.
         let near = 1.0 / (norm * std::f64::consts::PI.sqrt()).max(f64::MIN_POSITIVE);

@@ -19,7 +19,7 @@ const TURN: f32 = 0.1;
 
 /// A camera, ready to be asked about points.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Eye {
+pub(in crate::bake) struct Eye {
     place: Vec3,
     to_camera: Affine3A,
     /// Half the picture's height, a unit away.

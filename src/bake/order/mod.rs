@@ -5,4 +5,5 @@ mod estimate;
 pub(super) mod eye;
 pub(super) mod plan;
 pub(super) mod schedule;
+pub(super) mod sight;
 mod towards;

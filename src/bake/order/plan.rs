@@ -105,11 +105,11 @@ impl Plan {
         let most = if a.most < b.most { b } else { a };
         // Shares of the work, not of the number of updates: those of balancing are the larger ones by far.
         let ratio = ratio(most.invalid, t);
-        if self.owed < ratio * other.cost || other.worth() < next.worth() {
-            self.owed += (1.0 - ratio) * next.cost;
+        if self.owed < ratio * other.work() || other.worth() < next.worth() {
+            self.owed += (1.0 - ratio) * next.work();
             self.validation[first].pop()
         } else {
-            self.owed -= ratio * other.cost;
+            self.owed -= ratio * other.work();
             self.balancing.pop()
         }
     }

@@ -8,8 +8,9 @@ use glam::Vec3;
 
 use super::brightness::Brightness;
 use super::estimate::{Shining, alone, covered, lumens, shining, shown, unlike};
+use super::sight::{Both, norm_in};
 use super::towards::Towards;
-use crate::bake::device::records::Region;
+use crate::bake::device::records::{Parts, Region};
 use crate::bake::world::versions::Version;
 use crate::cluster::{CellId, Selected, VirtualLight};
 
@@ -22,6 +23,11 @@ pub(in crate::bake) struct Held {
 }
 
 impl Held {
+    /// Whether another one holds the same lights, added in the same scene.
+    pub(in crate::bake) fn is_same(&self, other: &Self) -> bool {
+        self.version == other.version && is_same(&self.selected, &other.selected)
+    }
+
     /// Its lights with the version that they were added in.
     pub(in crate::bake) fn lights(&self) -> impl Iterator<Item = (VirtualLight, Version)> + '_ {
         let lights = self.selected.lights.iter();
@@ -56,11 +62,13 @@ pub(in crate::bake) struct Update {
     pub what: What,
     /// Lumens that are wrong until then, estimated. Of balancing, by how much the metric falls.
     pub gain: f64,
-    /// What of it is seen: the norm of the irradiance that is wrong, lux m, estimated.
-    pub visible: f64,
+    /// In which parts of the map it is to be done.
+    pub parts: Parts,
+    /// What of it is seen in either part: the norm of the irradiance that is wrong, lux m, estimated.
+    pub shown: Both,
     /// The share of its cells' flux that these are, at most 1.
     pub invalid: f64,
-    /// Evaluations of whole lights, estimated.
+    /// Evaluations of whole lights, estimated, were it done in the whole map.
     pub cost: f64,
     /// Lights to send to the device.
     pub lights: u64,
@@ -69,7 +77,21 @@ pub(in crate::bake) struct Update {
 impl Update {
     /// What is seen of it for its work: what the order goes by.
     pub(in crate::bake) fn worth(&self) -> f64 {
-        self.visible.powf(TOGETHER) / self.cost
+        norm_in(self.parts, self.shown).powf(TOGETHER) / self.work()
+    }
+
+    /// Evaluations of whole lights, estimated.
+    pub(in crate::bake) fn work(&self) -> f64 {
+        self.cost * share_of_work(self.parts)
+    }
+
+    /// What of it is to be done in some parts of the map alone.
+    fn within(&self, parts: Parts) -> Self {
+        Self {
+            parts,
+            gain: 0.5 * self.gain,
+            ..self.clone()
+        }
     }
 
     /// Cells that it takes out of the map.
@@ -82,7 +104,7 @@ impl Update {
 }
 
 /// Which cells an update is about.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::bake) enum What {
     /// The cell's lights are the right ones, but were added in an earlier scene.
     Advance(CellId),
@@ -91,6 +113,16 @@ pub(in crate::bake) enum What {
         subtract: Vec<CellId>,
         add: Vec<CellId>,
     },
+}
+
+impl What {
+    /// All cells that it is about.
+    pub(in crate::bake) fn cells(&self) -> Vec<CellId> {
+        match self {
+            What::Advance(cell) => vec![*cell],
+            What::Exchange { subtract, add } => [&subtract[..], add].concat(),
+        }
+    }
 }
 
 /// What tells which lights an edit made wrong.
@@ -119,6 +151,65 @@ const UNSURE: f64 = 0.1;
 /// most of what it lights is not.
 const RESHAPED: f64 = 0.1;
 
+/// What evaluating a light for parts of the map costs, of doing it for the whole map. Measured in Sponza, where a third of the map is
+/// seen.
+fn share_of_work(parts: Parts) -> f64 {
+    match parts {
+        Parts::SEEN => 0.45,
+        Parts::REST => 0.8,
+        _ => 1.0,
+    }
+}
+
+/// Joins updates of either part of the map that are the same in both, cells being held there in the same way (`is_one`).
+pub(in crate::bake) fn join(updates: Vec<Update>, is_one: impl Fn(&CellId) -> bool) -> Vec<Update> {
+    let of = |parts| updates.iter().filter(move |u: &&Update| u.parts == parts);
+    let rest: BTreeSet<&What> = of(Parts::REST).map(|u| &u.what).collect();
+    let joined = of(Parts::SEEN).map(|u| &u.what).filter(|w| rest.contains(w));
+    let joined = joined.filter(|what| what.cells().iter().all(&is_one));
+    let joined: BTreeSet<What> = joined.cloned().collect();
+    let once = |mut update: Update| {
+        if joined.contains(&update.what) {
+            if update.parts == Parts::REST {
+                return None;
+            }
+            update.parts = Parts::ALL;
+        }
+        Some(update)
+    };
+    updates.into_iter().filter_map(once).collect()
+}
+
+/// What updates leave of the norm of all that is seen wrong, that they need not be done where it is seen first.
+const HARDLY_SEEN: f64 = 0.01;
+
+/// Does first what is seen of updates of the whole map: in two steps, where the first shows more for its work. What hardly
+/// shows is done in one, which takes less in all.
+pub(in crate::bake) fn seen_first(updates: Vec<Update>) -> Vec<Update> {
+    let seen = |update: &Update| update.shown[0].powi(2);
+    let left = HARDLY_SEEN.powi(2) * updates.iter().map(seen).sum::<f64>();
+    let mut order: Vec<(f64, f64, usize)> = (0..)
+        .zip(&updates)
+        .filter(|(_, update)| update.parts == Parts::ALL)
+        .map(|(i, update)| (update.within(Parts::SEEN).worth(), seen(update), i))
+        .collect();
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(b.2.cmp(&a.2)));
+    let mut sum = 0.0;
+    let mut whole = vec![false; updates.len()];
+    for (worth, seen, i) in order {
+        sum += seen;
+        whole[i] = sum <= left || worth <= updates[i].worth();
+    }
+    let steps = |(update, whole): (Update, bool)| {
+        if whole || update.parts != Parts::ALL {
+            vec![update]
+        } else {
+            vec![update.within(Parts::SEEN), update.within(Parts::REST)]
+        }
+    };
+    updates.into_iter().zip(whole).flat_map(steps).collect()
+}
+
 /// Groups of cells to exchange, from held to wanted: cells that overlap go together, and so do a cell that loses a VPL and its
 /// neighbour that gets it. Cells that are held as they are wanted are in no group.
 pub(in crate::bake) fn exchanges(
@@ -126,15 +217,14 @@ pub(in crate::bake) fn exchanges(
     wanted: &BTreeMap<CellId, Arc<Selected>>,
     parent: impl Fn(&CellId) -> Option<CellId>,
 ) -> Vec<(Vec<CellId>, Vec<CellId>)> {
-    let same = |a: &Arc<Selected>, b: &Arc<Selected>| Arc::ptr_eq(a, b) || a == b;
     let leaving: BTreeSet<CellId> = held
         .iter()
-        .filter(|(id, h)| !wanted.get(id).is_some_and(|w| same(&h.selected, w)))
+        .filter(|(id, h)| !wanted.get(id).is_some_and(|w| is_same(&h.selected, w)))
         .map(|(id, _)| *id)
         .collect();
     let coming: BTreeSet<CellId> = wanted
         .iter()
-        .filter(|(id, w)| !held.get(id).is_some_and(|h| same(&h.selected, w)))
+        .filter(|(id, w)| !held.get(id).is_some_and(|h| is_same(&h.selected, w)))
         .map(|(id, _)| *id)
         .collect();
     let mut groups = Groups::default();
@@ -176,6 +266,10 @@ pub(in crate::bake) fn exchanges(
     out.into_values().collect()
 }
 
+fn is_same(a: &Arc<Selected>, b: &Arc<Selected>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
+}
+
 /// Numbers of one ascending list that are not in another.
 fn without<'a>(list: &'a [u64], other: &'a [u64]) -> impl Iterator<Item = u64> + 'a {
     let mut others = other.iter().peekable();
@@ -207,9 +301,10 @@ impl Groups {
     }
 }
 
-/// The update that exchanges cells. `key`: the balancing metric. `ledger`: lumens that validation found invalid in a cell.
+/// The update that exchanges cells in some parts of the map. `key`: the balancing metric. `ledger`: lumens that validation found invalid in a cell.
 pub(in crate::bake) fn exchange(
     (subtract, add): (Vec<CellId>, Vec<CellId>),
+    parts: Parts,
     held: &BTreeMap<CellId, Held>,
     wanted: &BTreeMap<CellId, Arc<Selected>>,
     brightness: &Brightness,
@@ -253,7 +348,8 @@ pub(in crate::bake) fn exchange(
             Kind::Validation
         },
         gain,
-        visible: (unlike(&gone, &come) + unlike(&come, &gone)).sqrt(),
+        parts,
+        shown: [0, 1].map(|part| (unlike(&gone, &come, part) + unlike(&come, &gone, part)).sqrt()),
         invalid: share_of(wrong.max(invalid), whole),
         cost: (changing().map(cost).sum::<f64>() + stays).max(LIMITED),
         lights: changing().count() as u64,
@@ -270,6 +366,7 @@ fn cost(light: &VirtualLight) -> f64 {
 /// what validation found wrong in it, lumens, `towards` what of it goes to those regions.
 pub(in crate::bake) fn advance(
     cell: CellId,
+    parts: Parts,
     held: &Held,
     regions: &[Region],
     invalid: f64,
@@ -286,7 +383,8 @@ pub(in crate::bake) fn advance(
         kind: Kind::Validation,
         what: What::Advance(cell),
         gain,
-        visible: towards.map_or(spread, |t| t.seen.max(UNSURE * spread)),
+        parts,
+        shown: towards.map_or([spread; 2], |t| t.shown.map(|shown| shown.max(UNSURE * spread))),
         invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
         cost: lights.iter().map(evaluated).sum::<f64>().max(LIMITED),
         lights: lights.len() as u64,

@@ -6,6 +6,7 @@ use glam::Vec3;
 
 use super::estimate::{intercepted, shown};
 use super::eye::Eye;
+use super::sight::{Both, Division};
 use crate::bake::device::records::Region;
 use crate::cluster::{Shape, VirtualLight};
 use crate::scene::Scene;
@@ -20,8 +21,8 @@ const RAYS: u32 = 6;
 pub(in crate::bake) struct Towards {
     /// Lumens that get there (mean over RGB).
     pub met: f64,
-    /// The norm of the irradiance that they make there and behind, lux m; what nobody sees counts less.
-    pub seen: f64,
+    /// The norm of the irradiance that they make there and behind, lux m, in both parts of the map; what nobody sees counts less.
+    pub shown: Both,
 }
 
 /// `size`: the length of the scene's diagonal, metres; `regions`: boxes around what changed.
@@ -30,24 +31,27 @@ pub(super) fn towards(
     bvh: &SceneBvh,
     size: f32,
     eye: Option<&Eye>,
+    division: Option<Division>,
     lights: &[VirtualLight],
     regions: &[Region],
 ) -> Towards {
-    let (mut met, mut square) = (0.0, 0.0);
+    let (mut met, mut squares) = (0.0, [0.0; 2]);
     let far = 2.0 * size;
     for light in lights {
         for region in regions {
             let part = intercepted(light, region);
             if part > 0.0 {
-                let sampled = sample(scene, bvh, far, eye, light, region);
+                let sampled = sample(scene, bvh, far, eye, division, light, region);
                 met += part * sampled.arrives;
-                square += part * part / shown(region) * sampled.shows;
+                for (square, shows) in squares.iter_mut().zip(sampled.shows) {
+                    *square += part * part / shown(region) * shows;
+                }
             }
         }
     }
     Towards {
         met,
-        seen: square.sqrt(),
+        shown: squares.map(f64::sqrt),
     }
 }
 
@@ -56,8 +60,8 @@ pub(super) fn towards(
 struct Sampled {
     /// The share that gets there.
     arrives: f64,
-    /// What shows there and behind, of the square of the irradiance at the box.
-    shows: f64,
+    /// What shows there and behind, of the square of the irradiance at the box, in both parts of the map.
+    shows: Both,
 }
 
 fn sample(
@@ -65,6 +69,7 @@ fn sample(
     bvh: &SceneBvh,
     far: f32,
     eye: Option<&Eye>,
+    division: Option<Division>,
     light: &VirtualLight,
     region: &Region,
 ) -> Sampled {
@@ -93,32 +98,33 @@ fn sample(
         let (enters, leaves) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
         let cast = |from: f32| {
             let hit = bvh.closest(scene, origin + direction * from, direction, far)?;
-            Some((from + hit.t, hit.normal))
+            let part = division.map_or(1, |division| division.part(&hit));
+            Some((from + hit.t, hit.normal, part))
         };
         let first = cast(0.0);
-        if first.is_some_and(|(t, _)| t < enters - slack) {
+        if first.is_some_and(|(t, ..)| t < enters - slack) {
             continue;
         }
         sum.arrives += 1.0;
-        let inside = first.filter(|(t, _)| *t <= leaves + slack);
+        let inside = first.filter(|(t, ..)| *t <= leaves + slack);
         let behind = if inside.is_some() {
             cast(leaves + slack)
         } else {
             first
         };
         let middle = 0.5 * (enters + leaves);
-        for (t, normal) in inside.into_iter().chain(behind) {
+        for (t, normal, part) in inside.into_iter().chain(behind) {
             // A cone that starts in a point widens.
             let wider = match light.shape {
                 Shape::Directional { .. } => 1.0,
                 _ => (middle / t).min(1.0).powi(2),
             };
-            sum.shows += f64::from(wider * weight(origin + direction * t, normal));
+            sum.shows[part] += f64::from(wider * weight(origin + direction * t, normal));
         }
     }
     Sampled {
         arrives: sum.arrives / f64::from(RAYS),
-        shows: sum.shows / f64::from(RAYS),
+        shows: sum.shows.map(|shows| shows / f64::from(RAYS)),
     }
 }
 
@@ -156,12 +162,13 @@ mod tests {
                 &bvh,
                 size.length(),
                 eye,
+                None,
                 std::slice::from_ref(&light),
                 &[region],
             )
         };
         let met = all(None, near);
-        assert!(met.met > 0.0 && met.seen > 0.0, "{met:?}");
+        assert!(met.met > 0.0 && met.shown[1] > 0.0, "{met:?}");
         assert_eq!(all(None, outside), Towards::default());
         let camera = |turn: f32| Camera {
             name: String::new(),
@@ -171,12 +178,12 @@ mod tests {
             ),
             fov_y: 1.0,
         };
-        let facing = all(Some(&Eye::new(&camera(0.0))), near).seen;
-        let away = all(Some(&Eye::new(&camera(std::f32::consts::PI))), near).seen;
-        let unseen = met.seen * f64::from(super::super::eye::UNSEEN).sqrt();
-        assert!((away - unseen).abs() < 1e-6 * met.seen, "{away} {unseen}");
+        let facing = all(Some(&Eye::new(&camera(0.0))), near).shown[1];
+        let away = all(Some(&Eye::new(&camera(std::f32::consts::PI))), near).shown[1];
+        let unseen = met.shown[1] * f64::from(super::super::eye::UNSEEN).sqrt();
+        assert!((away - unseen).abs() < 1e-6 * met.shown[1], "{away} {unseen}");
         assert!(
-            facing > 2.0 * away && facing < met.seen,
+            facing > 2.0 * away && facing < met.shown[1],
             "{facing} {away} {met:?}"
         );
     }

@@ -9,7 +9,7 @@ use crate::bake::device::list::Heads;
 use crate::bake::device::pool::grow;
 use crate::bake::device::records::View;
 use crate::bake::device::shaders;
-use crate::bake::device::shared::{BATCH, CHUNK, GROUP, VIEW_HEMICUBE};
+use crate::bake::device::shared::{BATCH, CHUNK, GROUP, KEPT_BESIDE, VIEW_HEMICUBE};
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::world::occluders::Occluders;
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
@@ -30,6 +30,7 @@ pub(in crate::bake) struct ShadowPass {
     /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone; for views without
     /// limits, and with.
     cull: [[Pipeline; 4]; 2],
+    clear: Pipeline,
     groups: GroupPass,
     blocks: BlockPass,
     /// For whole triangles, and for those with cutouts.
@@ -41,6 +42,22 @@ pub(in crate::bake) struct ShadowPass {
     few: u32,
     /// Maps and faces drawn so far, and triangles that were there to be drawn into them.
     drawn: [u64; 3],
+}
+
+/// Where the map of a view is kept.
+pub(in crate::bake) struct KeptMap<'a> {
+    /// Index of the view.
+    pub view: u32,
+    pub buffer: &'a Buffer,
+    /// Bytes before it.
+    pub at: u64,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ClearPush {
+    views: Address,
+    depth: Address,
 }
 
 /// Which chunks are drawn.
@@ -168,6 +185,7 @@ impl ShadowPass {
         };
         Ok(Self {
             cull: [culls(0)?, culls(1)?],
+            clear: gpu.pipeline(shaders::DEPTH_CLEAR, &[])?,
             blocks: BlockPass::new(gpu)?,
             groups: GroupPass::new(gpu)?,
             drawings: [false, true].map(|masked| Drawing { masked, made: None }),
@@ -227,7 +245,7 @@ impl ShadowPass {
         self.depth.address()
     }
 
-    /// Draws `views`, those that borrow after those they borrow from; the maps can be read by compute shaders after the next
+    /// Draws `views`, those that borrow after those they borrow from, and `kept` into them before; the maps can be read by compute shaders after the next
     /// barrier. `instances`: the table that says what stands in a view's version. `blocks`: [`ShadowPass::blocks`] will be asked for.
     pub(in crate::bake) fn record(
         &mut self,
@@ -236,6 +254,7 @@ impl ShadowPass {
         occluders: &Occluders,
         instances: Address,
         views: &[View],
+        kept: &[KeptMap],
         blocks: bool,
     ) -> Result<()> {
         let elements: u64 = views.iter().map(pixels).sum();
@@ -245,6 +264,7 @@ impl ShadowPass {
         (0..3).for_each(|i| self.drawn[i] += new[i]);
         cmd.upload(&self.views, 0, views)?;
         cmd.fill(&self.depth, 0, elements * 4, 0);
+        self.fetch(cmd, views, kept);
         let uploaded = Uploaded {
             at: self.views.address(),
             count: views.len() as u32,
@@ -260,8 +280,10 @@ impl ShadowPass {
             self.blocks.record(cmd, &uploaded, self.depth.address());
             self.draw(gpu, cmd, occluders, views, Which::Rest, Standing::Both)?;
         }
-        if views.iter().any(|v| v.borrows != 0) {
-            self.lend(cmd, views);
+        if views.iter().any(|v| v.version != v.other) {
+            if views.iter().any(|v| v.borrows != 0) {
+                self.lend(cmd, views);
+            }
             let which = if few { Which::All } else { Which::Own };
             self.draw(gpu, cmd, occluders, views, which, Standing::Own)?;
         }
@@ -269,6 +291,46 @@ impl ShadowPass {
             self.blocks.record(cmd, &uploaded, self.depth.address());
         }
         Ok(())
+    }
+
+    /// Copies kept maps to where they are looked up, and clears what of them is drawn anew.
+    fn fetch(&self, cmd: &mut Commands, views: &[View], kept: &[KeptMap]) {
+        if kept.is_empty() {
+            return;
+        }
+        cmd.barrier(Stage::Transfer, Stage::Transfer);
+        cmd.scope("shadow fetch", |cmd| {
+            for map in kept {
+                let to = u64::from(views[map.view as usize].offset) * 4;
+                let bytes = pixels(&views[map.view as usize]) * 4;
+                cmd.copy(map.buffer, map.at, &self.depth, to, bytes);
+            }
+            if views.iter().any(|v| v.kept == KEPT_BESIDE) {
+                cmd.barrier(Stage::Transfer, Stage::Compute);
+                let most = views.iter().map(pixels).max().unwrap_or(0) as u32;
+                let push = ClearPush {
+                    views: self.views.address(),
+                    depth: self.depth.address(),
+                };
+                cmd.dispatch(&self.clear, &push, [most, views.len() as u32, 1]);
+                cmd.barrier(Stage::Compute, Stage::Compute);
+            }
+        });
+    }
+
+    /// Copies maps drawn last to where they are kept.
+    pub(in crate::bake) fn keep(&self, cmd: &mut Commands, views: &[View], maps: &[KeptMap]) {
+        if maps.is_empty() {
+            return;
+        }
+        cmd.barrier(Stage::All, Stage::Transfer);
+        cmd.scope("shadow keep", |cmd| {
+            for map in maps {
+                let from = u64::from(views[map.view as usize].offset) * 4;
+                let bytes = pixels(&views[map.view as usize]) * 4;
+                cmd.copy(&self.depth, from, map.buffer, map.at, bytes);
+            }
+        });
     }
 
     /// Copies what is drawn so far, which stands in both versions of a light, to the views that show it in the other version.

@@ -2,13 +2,14 @@
 //! under, in batches whose size follows measured time.
 
 mod allowance;
+mod kept;
 mod sending;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::time::Instant;
 
-use crate::bake::device::records::{self, Region, ShadowSizes};
+use crate::bake::device::records::{self, Parts, Region, ShadowSizes};
 use crate::bake::device::shared::BATCH;
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::passes::accumulate::{self, AccumulatePass, Evaluation};
@@ -22,6 +23,7 @@ use crate::gpu::{Buffer, Gpu, Result, Stage, Ticket};
 use crate::lightmap::texels::Texels;
 use crate::scene::Scene;
 use allowance::{Allowance, Costs, Counts};
+use kept::{Keeping, KeptMaps};
 
 /// Depth pixels of one batch: 256 MiB.
 const DEPTH_ELEMENTS: u64 = 64 << 20;
@@ -45,8 +47,11 @@ struct Pending {
     version: Version,
     /// The version that a difference takes it away from; the same where the whole light comes or goes.
     other: Version,
+    /// Of the map, which it is to reach.
+    parts: Parts,
     /// The number of the update that it is part of.
     update: u64,
+    keeping: Keeping,
 }
 
 impl Pending {
@@ -78,6 +83,7 @@ pub struct Illumination {
     shadow: ShadowPass,
     accumulate: AccumulatePass,
     sizes: ShadowSizes,
+    kept: KeptMaps,
     /// By [`Pending::queue`].
     queues: [Queue; 2],
     in_flight: VecDeque<Flight>,
@@ -147,6 +153,7 @@ impl Illumination {
             accumulate: AccumulatePass::new(gpu, &receivers, evaluation)?,
             gpu: gpu.clone(),
             receivers,
+            kept: KeptMaps::new(gpu, sizes.indirect, 0),
             sizes,
             queues: Default::default(),
             in_flight: VecDeque::new(),
@@ -177,7 +184,13 @@ impl Illumination {
     /// Takes all light away at once.
     pub(super) fn clear(&mut self) -> Result<()> {
         self.flush()?;
+        self.kept.clear();
         self.accumulate.clear(&self.gpu)
+    }
+
+    /// Keeps the depth maps of lights that it holds, in so many bytes at most. The map's bits do not depend on it. Before lights come.
+    pub(super) fn keep_maps(&mut self, bytes: u64) {
+        self.kept = KeptMaps::new(&self.gpu, self.sizes.indirect, bytes);
     }
 
     pub(super) fn limit_batch(&mut self, lights: Option<u32>) {
@@ -262,15 +275,37 @@ impl Illumination {
         Ok(())
     }
 
+    /// From here on the tiles of texels that are `seen` are the part [`Parts::SEEN`] of the map, all others the rest. Both must hold
+    /// the same lights, and none may wait.
+    pub(super) fn divide(&mut self, seen: &[bool]) -> Result<()> {
+        let mut cmd = self.gpu.commands()?;
+        self.receivers.divide(&mut cmd, seen)?;
+        self.in_flight.push_back(Flight::of(cmd.submit()?));
+        Ok(())
+    }
+
     /// Takes a light in, as it shines in a version of the scene; it is sent with its batch, at the latest by
     /// [`Illumination::flush`].
     pub fn push(&mut self, light: VirtualLight, sign: Sign, version: Version) -> Result<()> {
+        self.push_to(Parts::ALL, light, sign, version)
+    }
+
+    /// As [`Illumination::push`], for some parts of the map.
+    pub(super) fn push_to(
+        &mut self,
+        parts: Parts,
+        light: VirtualLight,
+        sign: Sign,
+        version: Version,
+    ) -> Result<()> {
         self.enter(Pending {
             light,
             sign,
             version,
             other: version,
+            parts,
             update: self.updates,
+            keeping: Keeping::default(),
         })
     }
 
@@ -279,6 +314,7 @@ impl Illumination {
     /// bit for bit. Returns whether the change can make a difference to it.
     pub fn push_difference(
         &mut self,
+        parts: Parts,
         light: &VirtualLight,
         from: Version,
         to: Version,
@@ -290,13 +326,14 @@ impl Illumination {
         let regions = &between.lookups;
         let epsilon = self.accumulate.epsilon();
         if regions.is_empty() || records::misses(light, &self.sizes, regions, epsilon) {
+            self.kept.rename(light, parts, from, to);
             return Ok(false);
         }
         // A parallel light's depth map spans the whole scene: with other bounds every pixel is another.
         let parallel = matches!(light.shape, Shape::Directional { .. });
         if parallel && self.versions.bounds(from) != self.versions.bounds(to) {
-            self.push(light.clone(), Sign::Subtract, from)?;
-            self.push(light.clone(), Sign::Add, to)?;
+            self.push_to(parts, light.clone(), Sign::Subtract, from)?;
+            self.push_to(parts, light.clone(), Sign::Add, to)?;
             return Ok(true);
         }
         self.enter(Pending {
@@ -304,15 +341,18 @@ impl Illumination {
             sign: Sign::Add,
             version: to,
             other: from,
+            parts,
             update: self.updates,
+            keeping: Keeping::default(),
         })?;
         Ok(true)
     }
 
     /// Takes lights away and adds others, each under its version; what is among both only goes from one version to the
-    /// other. Returns how many were taken away, added, and limited to what changed.
+    /// other. Does so in some parts of the map. Returns how many were taken away, added, and limited to what changed.
     pub fn exchange(
         &mut self,
+        parts: Parts,
         leaving: impl IntoIterator<Item = (VirtualLight, Version)>,
         coming: impl IntoIterator<Item = (VirtualLight, Version)>,
     ) -> Result<[u64; 3]> {
@@ -322,15 +362,15 @@ impl Illumination {
         for (light, to) in coming {
             if let Some(at) = leaving.iter().position(|(old, _)| *old == light) {
                 let (_, from) = leaving.swap_remove(at);
-                evaluated[2] += u64::from(self.push_difference(&light, from, to)?);
+                evaluated[2] += u64::from(self.push_difference(parts, &light, from, to)?);
             } else {
-                self.push(light, Sign::Add, to)?;
+                self.push_to(parts, light, Sign::Add, to)?;
                 evaluated[1] += 1;
             }
         }
         evaluated[0] = leaving.len() as u64;
         for (light, from) in leaving {
-            self.push(light, Sign::Subtract, from)?;
+            self.push_to(parts, light, Sign::Subtract, from)?;
         }
         Ok(evaluated)
     }

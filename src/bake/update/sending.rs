@@ -3,11 +3,12 @@
 use std::time::{Duration, Instant};
 
 use super::allowance::{Allowance, Counts};
+use super::kept::Keeping;
 use super::{Flight, Illumination, Pending, Sign};
 use crate::bake::device::records::{self, Region, Surroundings};
-use crate::bake::device::shared::BATCH;
+use crate::bake::device::shared::{BATCH, KEPT_ALL, KEPT_BESIDE, KEPT_BOTH, KEPT_NOTHING};
 use crate::bake::passes::accumulate::Batch;
-use crate::bake::passes::shadow::MAX_VIEWS;
+use crate::bake::passes::shadow::{KeptMap, MAX_VIEWS};
 use crate::bake::world::versions::Version;
 use crate::cluster::Shape;
 use crate::gpu::{Result, Stage};
@@ -21,8 +22,9 @@ const IN_FLIGHT: usize = 2;
 const PATIENCE: u32 = 2;
 
 impl Illumination {
-    pub(super) fn enter(&mut self, new: Pending) -> Result<()> {
+    pub(super) fn enter(&mut self, mut new: Pending) -> Result<()> {
         let queue = new.queue();
+        new.keeping = self.kept.note(&new);
         let waiting = &mut self.queues[queue].pending;
         waiting.push(new);
         let all = waiting.len();
@@ -104,6 +106,10 @@ impl Illumination {
             let needs = self.depth_maps(p);
             (views, elements) = (views + needs.0, elements + needs.1);
             kinds[p.kind()] += 1;
+            let waits = |q: &Pending| p.keeping.waits_for(&q.keeping);
+            if self.queues[queue].pending[..*before].iter().any(waits) {
+                return false;
+            }
             let allowed = |a: Allowance| {
                 a.holds(self.costs.of(&kinds), before + 1) && !(a.whole && p.update > self.touched)
             };
@@ -148,11 +154,13 @@ impl Illumination {
         }
         let _span = tracing::debug_span!("record batch", lights, soft).entered();
         let mut views = Vec::new();
+        let (mut fetched, mut stored) = (Vec::new(), Vec::new());
         let mut offset = 0;
         let mut regions: Vec<Region> = Vec::new();
         let mut lookups: Vec<Region> = Vec::new();
         let mut lights = Vec::new();
         let mut between = (0, 0, 0..0);
+        let mut alone = [false; 2];
         for pending in &sending {
             let (a, b) = (
                 pending.version.min(pending.other),
@@ -165,12 +173,15 @@ impl Illumination {
                     let differ = self.versions.between(a, b);
                     regions.extend(&differ.occluders);
                     lookups.clone_from(&differ.lookups);
+                    alone = differ.alone;
                 }
                 between = (a, b, first..regions.len());
             }
             let around = Surroundings {
                 version: pending.version,
                 other: pending.other,
+                parts: pending.parts,
+                kept: kept(pending, alone),
                 regions: &lookups,
                 first_occluder: between.2.start as u32,
                 occluders: between.2.len() as u32,
@@ -179,14 +190,27 @@ impl Illumination {
                 moved: self.accumulate.moved(),
             };
             let sign = if pending.sign == Sign::Add { 1 } else { -1 };
-            lights.push(records::record(
+            let light = records::record(
                 &pending.light,
                 sign,
                 &self.sizes,
                 &around,
                 &mut views,
                 &mut offset,
-            ));
+            );
+            let Keeping {
+                load,
+                load_other,
+                store,
+            } = pending.keeping;
+            let map = |view, slot| {
+                let (buffer, at) = self.kept.at(slot);
+                KeptMap { view, buffer, at }
+            };
+            fetched.extend(load.or(load_other).map(|slot| map(light.view, slot)));
+            fetched.extend(load_other.map(|slot| map(light.other_view, slot)));
+            stored.extend(store.map(|slot| map(light.view, slot)));
+            lights.push(light);
         }
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
@@ -197,8 +221,10 @@ impl Illumination {
             &self.occluders,
             instances,
             &views,
+            &fetched,
             !soft,
         )?;
+        self.shadow.keep(&mut cmd, &views, &stored);
         let batch = Batch {
             lights: &lights,
             regions: &regions,
@@ -281,4 +307,21 @@ impl Illumination {
         }
         Ok(())
     }
+}
+
+/// What of a light's views was kept, and of those in the other version. `alone`: whether anything stands in the earlier of the two
+/// alone, and in the later one.
+fn kept(pending: &Pending, alone: [bool; 2]) -> [u32; 2] {
+    let Keeping {
+        load, load_other, ..
+    } = pending.keeping;
+    let goes = alone[usize::from(pending.other > pending.version)];
+    let own = match (load, load_other) {
+        (Some(_), _) => KEPT_ALL,
+        (None, Some(_)) if goes => KEPT_BESIDE,
+        (None, Some(_)) => KEPT_BOTH,
+        (None, None) => KEPT_NOTHING,
+    };
+    let other = load_other.map_or(KEPT_NOTHING, |_| KEPT_ALL);
+    [own, other]
 }

@@ -53,6 +53,8 @@ pub(in crate::bake) struct Between {
     pub occluders: Vec<Region>,
     /// These boxes, and the receivers whose lookups differ: depth maps must be right around all of them.
     pub lookups: Vec<Region>,
+    /// Whether anything stands in the earlier version alone, and in the later one.
+    pub alone: [bool; 2],
 }
 
 /// What changed when versions began.
@@ -117,6 +119,10 @@ impl Changes {
         Between {
             occluders: regions(boxes),
             lookups: regions(grown),
+            alone: [
+                ends.values().any(|p| p.before.is_some()),
+                ends.values().any(|p| p.after.is_some()),
+            ],
         }
     }
 }

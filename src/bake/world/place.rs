@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::bake::device::pool::{Pool, grow, vacate};
 use crate::bake::device::records::{Placement, Receiver, Replaced, Tile};
 use crate::bake::device::shaders;
-use crate::bake::device::shared::{NONE, TILE};
+use crate::bake::device::shared::{NONE, PART_REST, PART_SEEN, TILE};
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 use crate::lightmap::texels::Texels;
 use crate::lightmap::{Clearance, Texel};
@@ -18,6 +18,8 @@ use crate::scene::Scene;
 pub struct Receivers {
     pub(in crate::bake) receivers: Buffer,
     pub(in crate::bake) tiles: Buffer,
+    /// By tile of texels, the part of the map that it belongs to (`PART_*`).
+    pub(in crate::bake) parts: Buffer,
     texels: Buffer,
     clearances: Buffer,
     placements: Buffer,
@@ -79,6 +81,7 @@ impl Receivers {
                 Memory::Device,
             )?,
             tiles: gpu.buffer("tiles", u64::from(tiles) * tile, Memory::Device)?,
+            parts: gpu.buffer_with("parts", &vec![PART_REST; tiles.max(1) as usize])?,
             texels: gpu.buffer_with("texels", &texels.list)?,
             clearances: gpu.buffer_with("clearances", &clearances)?,
             placements: gpu.buffer_with("placements", &placements)?,
@@ -129,14 +132,28 @@ impl Receivers {
     ) -> Result<()> {
         let (entries, texel) = (texels.list.len() as u64, size_of::<Texel>() as u64);
         grow(gpu, cmd, &mut self.texels, entries * texel)?;
+        grow(gpu, cmd, &mut self.parts, entries / u64::from(TILE) * 4)?;
         for tiles in new {
             let own = (tiles.start * TILE) as usize..(tiles.end * TILE) as usize;
             cmd.upload(&self.texels, own.start as u64 * texel, &texels.list[own])?;
+            let bytes = tiles.len() as u64 * 4;
+            cmd.fill(&self.parts, u64::from(tiles.start) * 4, bytes, PART_REST);
         }
         let bytes = entries * size_of::<Clearance>() as u64;
         grow(gpu, cmd, &mut self.clearances, bytes)?;
         self.texel_tiles = texels.list.len() as u32 / TILE;
         self.now.resize(self.texel_tiles as usize, [NONE; 2]);
+        Ok(())
+    }
+
+    /// Says which tiles of texels are of the part [`PART_SEEN`]; the others are of the rest. What was sent before does not see it.
+    pub(in crate::bake) fn divide(&self, cmd: &mut Commands, seen: &[bool]) -> Result<()> {
+        let part = |seen: &bool| if *seen { PART_SEEN } else { PART_REST };
+        let mut parts: Vec<u32> = seen.iter().map(part).collect();
+        parts.resize(self.texel_tiles as usize, PART_REST);
+        cmd.barrier(Stage::All, Stage::All);
+        cmd.upload(&self.parts, 0, &parts)?;
+        cmd.barrier(Stage::Transfer, Stage::All);
         Ok(())
     }
 

@@ -25,7 +25,11 @@ struct Recorded {
 pub fn run(args: &Args, command: &args::Bake, start: Instant) -> anyhow::Result<()> {
     let console = Console::new(args);
     let (gpu, scene, document) = prepare(args, command)?;
-    let job = job(command)?;
+    // No edit follows.
+    let job = Job {
+        kept_maps: 0,
+        ..job(command)?
+    };
     let baked = bake::bake(&gpu, scene, document, &job, &console)?;
     gpu.check_validation()?;
     let (report, files) = write(&command.output, baked, Vec::new(), start)?;
@@ -141,5 +145,6 @@ pub fn job(command: &args::Bake) -> anyhow::Result<Job> {
         repeat: repeat.transpose()?,
         budget: command.budget,
         verify: command.verify,
+        ..Job::default()
     })
 }

@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use glam::Vec3;
 
-use super::Version;
+use super::{Parts, Version};
 use super::asked::{self, Asked, Seen};
 use super::{Light, Region, View};
 use crate::bake::device::shared::*;
@@ -35,6 +35,10 @@ pub(in crate::bake) struct Surroundings<'a> {
     pub version: Version,
     /// The version that a difference takes the light away from; the same where the whole light comes or goes.
     pub other: Version,
+    /// Of the map, which the light is to reach.
+    pub parts: Parts,
+    /// What of its views, and of those in the other version, was kept (`KEPT_*`).
+    pub kept: [u32; 2],
     /// Where the two differ, receivers whose lookups do included.
     pub regions: &'a [Region],
     /// Where the boxes of what light passes otherwise begin in the batch's list, and how many these are.
@@ -80,6 +84,7 @@ pub(in crate::bake) fn record(
         other_view: first_view as u32,
         version: around.version,
         other: around.other,
+        parts: around.parts.bits(),
         first_region: around.first_occluder,
         regions: around.occluders,
         origin: light.position.to_array(),
@@ -108,6 +113,7 @@ pub(in crate::bake) fn record(
             version: around.version,
             other: around.other,
             borrows: 0,
+            kept: around.kept[0],
             asked: if whole {
                 [asked::ALL; FACES as usize]
             } else {
@@ -165,7 +171,8 @@ pub(in crate::bake) fn record(
         for view in &mut views[out.other_view as usize..] {
             view.offset += span;
             std::mem::swap(&mut view.version, &mut view.other);
-            view.borrows = borrows;
+            view.kept = around.kept[1];
+            view.borrows = if view.kept == KEPT_ALL { 0 } else { borrows };
         }
         *offset += span;
     }
@@ -314,6 +321,7 @@ fn parallel_view(direction: Vec3, size: u32, around: &Surroundings, offset: u32)
         version: around.version,
         other: around.other,
         borrows: 0,
+        kept: KEPT_NOTHING,
         asked: rectangle(origin, [x / reach(x), y / reach(y)], around, size),
     };
     (view, 2.0 * reach(x).max(reach(y)) / size as f32)
