@@ -125,7 +125,7 @@ impl Baker {
             let direct = std::mem::take(&mut self.edited);
             if direct {
                 self.trace(0);
-                self.plan_wanted()?;
+                self.plan_wanted(false)?;
             } else {
                 let tracing = match limit {
                     Limit::Time(time) | Limit::Slice { time, .. } => {
@@ -205,7 +205,7 @@ impl Baker {
                 break;
             }
         }
-        self.plan_wanted()?;
+        self.plan_wanted(true)?;
         self.settled = true;
         Ok(())
     }
@@ -220,11 +220,13 @@ impl Baker {
         debug_span!("ledger").in_scope(|| self.holdings.note(&self.clusters, &differences));
     }
 
-    /// Finds out what should be held by now, and plans the way there.
-    fn plan_wanted(&mut self) -> Result<(), GpuError> {
+    /// Finds out what should be held by now, and plans the way there; `looks`: the map may be divided for it.
+    fn plan_wanted(&mut self, looks: bool) -> Result<(), GpuError> {
         let _span = debug_span!("plan").entered();
         debug_span!("wanted").in_scope(|| self.wanted.update(&self.clusters, self.target));
-        debug_span!("look").in_scope(|| self.look())?;
+        if looks {
+            debug_span!("look").in_scope(|| self.look())?;
+        }
         let mut brightness = std::mem::take(&mut self.brightness);
         let mut updates = Vec::new();
         for (parts, Holding { cells, ledger }) in self.holdings.parts() {

@@ -7,3 +7,4 @@ pub(super) mod plan;
 pub(super) mod schedule;
 pub(super) mod sight;
 mod towards;
+mod work;

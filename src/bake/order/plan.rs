@@ -1,7 +1,7 @@
 //! Updates in the order in which they are done: the most visible for their work first, balancing within its share of the work
 //! (IBGI eq. 2).
 
-use super::schedule::{Kind, Update, What, all_direct};
+use super::schedule::{Kind, Update, What};
 use crate::cluster::CellId;
 
 /// Everything that has to be done, in the order in which to do it, balancing apart from validation.
@@ -69,10 +69,7 @@ impl Plan {
             .into_iter()
             .partition(|u| u.kind == Kind::Validation);
         let (direct, other): (Vec<_>, Vec<_>) =
-            validation.into_iter().partition(|u| match &u.what {
-                What::Advance(cell) => matches!(cell, CellId::Aperture { .. }),
-                What::Exchange { subtract, add } => all_direct(subtract, add),
-            });
+            validation.into_iter().partition(Update::is_direct);
         Self {
             validation: [direct, other].map(Queue::new),
             balancing: Queue::new(balancing),

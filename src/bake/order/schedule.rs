@@ -7,9 +7,10 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::brightness::Brightness;
-use super::estimate::{Shining, alone, covered, lumens, shining, shown, unlike};
+use super::estimate::{Shining, alone, lumens, shining, shown, unlike};
 use super::sight::{Both, norm_in};
 use super::towards::Towards;
+use super::work::Work;
 use crate::bake::device::records::{Parts, Region};
 use crate::bake::world::versions::Version;
 use crate::cluster::{CellId, Selected, VirtualLight};
@@ -68,8 +69,8 @@ pub(in crate::bake) struct Update {
     pub shown: Both,
     /// The share of its cells' flux that these are, at most 1.
     pub invalid: f64,
-    /// Evaluations of whole lights, estimated, were it done in the whole map.
-    pub cost: f64,
+    /// Evaluations of lights, estimated.
+    pub work: Work,
     /// Lights to send to the device.
     pub lights: u64,
 }
@@ -80,9 +81,9 @@ impl Update {
         norm_in(self.parts, self.shown).powf(TOGETHER) / self.work()
     }
 
-    /// Evaluations of whole lights, estimated.
+    /// Evaluations of lights, estimated, in the parts of the map that it is for.
     pub(in crate::bake) fn work(&self) -> f64 {
-        self.cost * share_of_work(self.parts)
+        self.work.within(self.parts)
     }
 
     /// What of it is to be done in some parts of the map alone.
@@ -92,6 +93,11 @@ impl Update {
             gain: 0.5 * self.gain,
             ..self.clone()
         }
+    }
+
+    /// Whether it is about direct light alone.
+    pub(in crate::bake) fn is_direct(&self) -> bool {
+        self.what.cells().iter().all(|c| matches!(c, CellId::Aperture { .. }))
     }
 
     /// Cells that it takes out of the map.
@@ -140,26 +146,11 @@ pub enum Priority {
 /// another, 1 if all of it did: many faint shadows of one wall add up. Between the two, walls take four fifths of the work that
 /// they take at 2, and no edit takes much more.
 const TOGETHER: f64 = 1.25;
-/// What advancing a light costs at least, of evaluating it, though it is limited to the shadows of what changed: depth maps in two
-/// versions, and culling. Measured on Mesa's CPU driver.
-const LIMITED: f64 = 0.35;
-/// What a direct light costs of an indirect one: its maps are finer, and its shadows softer.
-const DIRECT: f64 = 4.0;
 /// Of what paths found wrong in a light, how much counts at least if rays do not find it.
 const UNSURE: f64 = 0.1;
 /// Of a virtual light that only changed its shape, how much of its flux counts as wrong: its place in the cell is new,
 /// most of what it lights is not.
 const RESHAPED: f64 = 0.1;
-
-/// What evaluating a light for parts of the map costs, of doing it for the whole map. Measured in Sponza, where a third of the map is
-/// seen.
-fn share_of_work(parts: Parts) -> f64 {
-    match parts {
-        Parts::SEEN => 0.45,
-        Parts::REST => 0.8,
-        _ => 1.0,
-    }
-}
 
 /// Joins updates of either part of the map that are the same in both, cells being held there in the same way (`is_one`).
 pub(in crate::bake) fn join(updates: Vec<Update>, is_one: impl Fn(&CellId) -> bool) -> Vec<Update> {
@@ -184,24 +175,24 @@ pub(in crate::bake) fn join(updates: Vec<Update>, is_one: impl Fn(&CellId) -> bo
 const HARDLY_SEEN: f64 = 0.01;
 
 /// Does first what is seen of updates of the whole map: in two steps, where the first shows more for its work. What hardly
-/// shows is done in one, which takes less in all.
+/// shows is done in one, which takes less in all, and so is direct light, whose maps are not kept.
 pub(in crate::bake) fn seen_first(updates: Vec<Update>) -> Vec<Update> {
     let seen = |update: &Update| update.shown[0].powi(2);
     let left = HARDLY_SEEN.powi(2) * updates.iter().map(seen).sum::<f64>();
     let mut order: Vec<(f64, f64, usize)> = (0..)
         .zip(&updates)
-        .filter(|(_, update)| update.parts == Parts::ALL)
+        .filter(|(_, update)| update.parts == Parts::ALL && !update.is_direct())
         .map(|(i, update)| (update.within(Parts::SEEN).worth(), seen(update), i))
         .collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(b.2.cmp(&a.2)));
     let mut sum = 0.0;
-    let mut whole = vec![false; updates.len()];
+    let mut whole = vec![true; updates.len()];
     for (worth, seen, i) in order {
         sum += seen;
         whole[i] = sum <= left || worth <= updates[i].worth();
     }
     let steps = |(update, whole): (Update, bool)| {
-        if whole || update.parts != Parts::ALL {
+        if whole {
             vec![update]
         } else {
             vec![update.within(Parts::SEEN), update.within(Parts::REST)]
@@ -333,9 +324,11 @@ pub(in crate::bake) fn exchange(
     // The same light in other cells.
     let balancing = !subtract.is_empty() && subtract != add && invalid == 0.0;
     let changing = || gone.iter().chain(&come).map(|(l, _)| *l);
-    let costs = |lights: &[Shining]| lights.iter().map(|(l, _)| cost(l)).sum::<f64>();
     // What stays has to follow the scene.
-    let stays = LIMITED * (costs(&new) - costs(&come));
+    let stays = new.iter().filter(|(l, _)| !come.iter().any(|(c, _)| c == l));
+    let work = (come.iter().map(|(l, _)| Work::add(l)))
+        .chain(gone.iter().map(|(l, _)| Work::subtract(l)))
+        .chain(stays.map(|(l, _)| Work::follow(l, &[])));
     let gain = if balancing {
         (keys(&subtract) - keys(&add)).abs()
     } else {
@@ -351,15 +344,10 @@ pub(in crate::bake) fn exchange(
         parts,
         shown: [0, 1].map(|part| (unlike(&gone, &come, part) + unlike(&come, &gone, part)).sqrt()),
         invalid: share_of(wrong.max(invalid), whole),
-        cost: (changing().map(cost).sum::<f64>() + stays).max(LIMITED),
+        work: work.sum(),
         lights: changing().count() as u64,
         what: What::Exchange { subtract, add },
     }
-}
-
-/// Evaluating a light once, in units of an indirect one.
-fn cost(light: &VirtualLight) -> f64 {
-    if light.direct { DIRECT } else { 1.0 }
 }
 
 /// The update that brings a held cell to the current version; `regions` is where that differs from the cell's, `invalid`
@@ -376,8 +364,6 @@ pub(in crate::bake) fn advance(
     // Lumens that are spread over what the regions show.
     let all: f64 = regions.iter().map(shown).sum();
     let spread = invalid / all.max(f64::MIN_POSITIVE).sqrt();
-    let part = |l: &VirtualLight| regions.iter().map(|r| covered(l, r)).sum::<f64>().min(1.0);
-    let evaluated = |l| cost(l) * (LIMITED + (1.0 - LIMITED) * part(l));
     let gain = invalid.max(towards.map_or(0.0, |t| t.met));
     Update {
         kind: Kind::Validation,
@@ -386,7 +372,7 @@ pub(in crate::bake) fn advance(
         parts,
         shown: towards.map_or([spread; 2], |t| t.shown.map(|shown| shown.max(UNSURE * spread))),
         invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
-        cost: lights.iter().map(evaluated).sum::<f64>().max(LIMITED),
+        work: lights.iter().map(|l| Work::follow(l, regions)).sum(),
         lights: lights.len() as u64,
     }
 }

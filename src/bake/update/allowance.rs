@@ -2,14 +2,26 @@
 
 use std::time::Duration;
 
-/// Kinds of evaluations that take different time: indirect lights and direct ones, whole or limited to what changed.
-pub(super) const KINDS: usize = 4;
+/// Kinds of evaluations that take different time: indirect lights and direct ones, by how they are evaluated, and in which parts of
+/// the map.
+pub(super) const KINDS: usize = 2 * 3 * 3;
+
+/// Whole, with depth maps to draw.
+pub(super) const DRAWN: usize = 0;
+/// Whole, with depth maps that were kept.
+pub(super) const FETCHED: usize = 1;
+/// Limited to what changed.
+pub(super) const DIFFERENCE: usize = 2;
 
 /// How many lights of each kind.
 pub(super) type Counts = [u32; KINDS];
 
-/// Milliseconds that a light of each kind is expected to take before one has been measured.
-const UNKNOWN: [f64; KINDS] = [12.0, 48.0, 6.0, 24.0];
+/// Milliseconds that a light is expected to take before one has been measured: of indirect light and direct one,
+const UNKNOWN: [f64; 2] = [12.0, 48.0];
+/// of that, by how it is evaluated,
+const HOW: [f64; 3] = [1.0, 0.4, 0.5];
+/// and in the whole map, what is seen of it, and the rest.
+const WHERE: [f64; 3] = [1.0, 0.7, 0.8];
 /// What a batch takes beside its lights, in lights: it goes through the whole map once. On lavapipe 0.7 to 0.9.
 const BATCH_ITSELF: f64 = 0.75;
 /// Of what a batch took longer than expected, and of what it was faster, how much is believed at once, as an exponent: frames are late by
@@ -22,7 +34,9 @@ pub(super) struct Costs([f64; KINDS]);
 
 impl Default for Costs {
     fn default() -> Self {
-        Self(UNKNOWN)
+        Self(std::array::from_fn(|kind| {
+            UNKNOWN[kind % 2] * HOW[kind / 2 % 3] * WHERE[kind / 6]
+        }))
     }
 }
 
@@ -94,6 +108,11 @@ impl Allowance {
 mod tests {
     use super::*;
 
+    /// So many lights of the first kind.
+    fn only(lights: u32) -> Counts {
+        std::array::from_fn(|kind| if kind == 0 { lights } else { 0 })
+    }
+
     /// Sends lights that take `ms` each, and batches that take 0.8 of `each` beside, slice by slice; what the slices took.
     fn slices(costs: &mut Costs, slice: f64, each: f64, ms: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut sent = 0;
@@ -101,14 +120,14 @@ mod tests {
             .map(|_| {
                 let mut allowance = Allowance::new(Duration::from_secs_f64(slice * 1e-3), false);
                 let (mut took, mut lights) = (0.0, 0u32);
-                while allowance.holds(costs.of(&[lights + 1, 0, 0, 0]), lights as usize + 1) {
+                while allowance.holds(costs.of(&only(lights + 1)), lights as usize + 1) {
                     took += ms(sent);
                     lights += 1;
                     sent += 1;
                 }
-                allowance.take(costs.of(&[lights, 0, 0, 0]));
+                allowance.take(costs.of(&only(lights)));
                 took += 0.8 * each;
-                costs.learn(&[lights, 0, 0, 0], Duration::from_secs_f64(took * 1e-3));
+                costs.learn(&only(lights), Duration::from_secs_f64(took * 1e-3));
                 took
             })
             .collect()
@@ -139,10 +158,10 @@ mod tests {
     #[test]
     fn what_took_longer_than_expected_is_believed_sooner() {
         let (mut slow, mut fast) = (Costs([10.0; KINDS]), Costs([10.0; KINDS]));
-        let expected = slow.of(&[1, 0, 0, 0]);
+        let expected = slow.of(&only(1));
         let times = |factor: f64| Duration::from_secs_f64(expected * factor * 1e-3);
-        slow.learn(&[1, 0, 0, 0], times(4.0));
-        fast.learn(&[1, 0, 0, 0], times(0.25));
+        slow.learn(&only(1), times(4.0));
+        fast.learn(&only(1), times(0.25));
         assert!(slow.0[0] / 10.0 > 1.2 * 10.0 / fast.0[0]);
         assert_eq!(slow.0[1], 10.0, "nothing was said about these");
     }

@@ -62,7 +62,13 @@ impl Pending {
 
     /// What it takes, as [`Costs`] counts.
     fn kind(&self) -> usize {
-        self.queue() + 2 * usize::from(self.version != self.other)
+        let how = match (self.version != self.other, self.keeping.load) {
+            (true, _) => allowance::DIFFERENCE,
+            (false, Some(_)) => allowance::FETCHED,
+            (false, None) => allowance::DRAWN,
+        };
+        let part = Parts::EACH.iter().position(|part| *part == self.parts);
+        self.queue() + 2 * how + 6 * part.map_or(0, |part| part + 1)
     }
 }
 

@@ -97,9 +97,10 @@ fn update(kind: Kind, path: u64, visible: f64, cost: f64, invalid: f64) -> Updat
         kind,
         what: What::Advance(cell(path)),
         gain: visible,
-        visible,
+        parts: Parts::ALL,
+        shown: [0.0, visible],
         invalid,
-        cost,
+        work: Work::of(cost),
         lights: 1,
     }
 }
@@ -146,8 +147,8 @@ fn direct_light_is_done_apart_and_what_is_left_is_known_all_the_time() {
             direct
         } else {
             let next = plan.next(0.1).unwrap();
-            assert!(round == 5 || next.visible <= last);
-            last = next.visible;
+            assert!(round == 5 || next.shown[1] <= last);
+            last = next.shown[1];
             next
         };
         left -= update.gain;
@@ -216,13 +217,14 @@ fn an_exchange_shows_what_its_lights_do_not_share() {
         let nothing = |_: &CellId| 0.0;
         exchange(
             group,
+            Parts::ALL,
             &held,
             &wanted,
             &Brightness::default(),
             nothing,
             nothing,
         )
-        .visible
+        .shown[1]
     };
     let still = light(5.0, 10.0);
     let near = visible(
@@ -238,4 +240,74 @@ fn an_exchange_shows_what_its_lights_do_not_share() {
     assert!(dimmed > 0.0 && dimmed < 0.3 * far, "{dimmed} {far}");
     // A unit of brightness each, there and here.
     assert!((far - 2f64.sqrt()).abs() < 1e-6, "{far}");
+}
+
+fn shown(path: u64, shown: Both, work: f64) -> Update {
+    Update {
+        what: What::Exchange {
+            subtract: Vec::new(),
+            add: vec![CellId::Octree(crate::cluster::cell::Cell::at(Vec3::splat(path as f32), 3))],
+        },
+        shown,
+        ..update(Kind::Validation, path, 1.0, work, 1.0)
+    }
+}
+
+/// What is seen of an update is done by itself, unless what is not seen of it matters as much, or hardly anything is seen.
+#[test]
+fn what_is_seen_is_done_first_where_that_shows_more_for_its_work() {
+    let updates = vec![
+        shown(1, [10.0, 1.0], 1.0),
+        shown(2, [1.0, 10.0], 1.0),
+        shown(3, [0.05, 0.0], 1.0),
+        // Direct light.
+        update(Kind::Validation, 4, 10.0, 1.0, 1.0),
+    ];
+    let gain: f64 = updates.iter().map(|u| u.gain).sum();
+    let done = seen_first(updates.clone());
+    let parts: Vec<_> = done.iter().map(|u| (u.parts, u.what.clone())).collect();
+    let what = |i: usize| updates[i].what.clone();
+    let expected = [
+        (Parts::SEEN, what(0)),
+        (Parts::REST, what(0)),
+        (Parts::ALL, what(1)),
+        (Parts::ALL, what(2)),
+        (Parts::ALL, what(3)),
+    ];
+    assert_eq!(parts, expected);
+    assert!((done.iter().map(|u| u.gain).sum::<f64>() - gain).abs() < 1e-9);
+    let order: Vec<_> = {
+        let mut plan = Plan::new(done, 0.0);
+        std::iter::from_fn(|| plan.next(0.1)).map(|u| (u.parts, u.what)).collect()
+    };
+    let at = |parts, i| order.iter().position(|o| *o == (parts, what(i)));
+    assert!(at(Parts::SEEN, 0) < at(Parts::REST, 0));
+}
+
+/// Two parts that want the same of cells that they hold in the same way are done at once.
+#[test]
+fn what_is_the_same_in_both_parts_is_joined() {
+    let of = |path, parts| Update {
+        parts,
+        ..update(Kind::Validation, path, 1.0, 1.0, 1.0)
+    };
+    let updates = vec![
+        of(1, Parts::SEEN),
+        of(2, Parts::SEEN),
+        of(3, Parts::SEEN),
+        of(1, Parts::REST),
+        of(3, Parts::REST),
+        of(4, Parts::REST),
+    ];
+    let joined = join(updates, |c| *c != cell(3));
+    let parts: Vec<_> = joined.iter().map(|u| (u.what.cells()[0], u.parts)).collect();
+    let expected = [
+        (cell(1), Parts::ALL),
+        (cell(2), Parts::SEEN),
+        (cell(3), Parts::SEEN),
+        (cell(3), Parts::REST),
+        (cell(4), Parts::REST),
+    ];
+    assert_eq!(parts, expected);
+    assert_eq!(join(joined.clone(), |_| true).len(), 4);
 }
