@@ -50,7 +50,7 @@ impl Brightness {
         cells: impl IntoIterator<Item = &'a Arc<Selected>>,
     ) {
         let size = scene.bounds().size();
-        self.look(size.length());
+        self.look(scene, bvh);
         let eye = self.known_to.as_ref();
         let new: Vec<&Arc<Selected>> = cells
             .into_iter()
@@ -81,7 +81,7 @@ impl Brightness {
         between: impl Fn(Version) -> Vec<Region>,
     ) {
         let size = scene.bounds().size();
-        self.look(size.length());
+        self.look(scene, bvh);
         let eye = self.known_to.as_ref();
         self.towards.retain(|(_, _, to), _| *to == current);
         let mut regions = BTreeMap::new();
@@ -124,7 +124,8 @@ impl Brightness {
     }
 
     /// What is known is for who looks now.
-    fn look(&mut self, size: f32) {
+    fn look(&mut self, scene: &Scene, bvh: &SceneBvh) {
+        let size = scene.bounds().size().length();
         let same = match (&self.eye, &self.known_to) {
             (Some(now), Some(then)) => now.is_like(then, size),
             (now, then) => now == then,
@@ -133,6 +134,9 @@ impl Brightness {
             self.known.clear();
             self.towards.clear();
             self.known_to.clone_from(&self.eye);
+            if let Some(eye) = &mut self.known_to {
+                eye.look(scene, bvh);
+            }
         }
     }
 
