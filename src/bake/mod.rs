@@ -45,7 +45,7 @@ pub use job::report::{AtlasReport, Counts, Report, ShadowCounts};
 pub use job::settings::{
     Clusters, MAX_BOUNCES, Options, Preset, Quality, Settings, SettingsError, fixed_point_bits,
 };
-pub use job::{BakeError, Job};
+pub use job::{BakeError, Job, KEPT_MAPS};
 pub use measure::convergence::Moment;
 pub use measure::limit_bench::{LimitCosts, UpdateCost};
 pub use measure::replay::{Played, Replay, ReplayOptions, ScriptError, Step};

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 use super::figure::{Better, Figure, Point, Series};
 use super::{Bench, BenchError};
-use crate::bake::{Baked, Baker, Limit, Replay, ReplayOptions, Silent, bake};
+use crate::bake::{Baked, Baker, Job, KEPT_MAPS, Limit, Replay, ReplayOptions, Silent, bake};
 use crate::scene::edit::Command;
 
 /// A script of edits with a name.
@@ -84,9 +84,13 @@ impl Bench<'_> {
         let walls = walls()?;
         self.tell("response: baking the scene once");
         let (scene, document) = (self.scene.clone(), self.document.clone());
+        let job = Job {
+            kept_maps: KEPT_MAPS,
+            ..self.plan.job.clone()
+        };
         let Baked {
             mut baker, report, ..
-        } = bake(self.gpu, scene, document, &self.plan.job, &Silent)?;
+        } = bake(self.gpu, scene, document, &job, &Silent)?;
         // What a rebake of the edited scene would have to do again.
         let unwrap = report.seconds.get("unwrap").copied().unwrap_or_default();
         let full = report.total_seconds - unwrap;

@@ -75,6 +75,9 @@ pub(super) fn inside(
         }
     }
     let folder = folder.ok_or_else(|| missing(&"the scene has no folder"))?;
+    // That of a file that was named without one.
+    let here = folder.as_os_str().is_empty();
+    let folder = if here { Path::new(".") } else { folder };
     let folder = fs::canonicalize(folder).map_err(|cause| missing(&cause))?;
     let file = fs::canonicalize(folder.join(relative)).map_err(|cause| missing(&cause))?;
     if file.starts_with(&folder) {

@@ -89,7 +89,12 @@ impl Baker {
             shadows: self.illumination.shadows(),
             ..Counts::default()
         };
-        for light in self.holdings.seen().values().flat_map(|h| &h.selected.lights) {
+        for light in self
+            .holdings
+            .seen()
+            .values()
+            .flat_map(|h| &h.selected.lights)
+        {
             *counts.virtual_lights.entry(light.shape.name()).or_default() += 1;
         }
         let gpu = self.gpu();

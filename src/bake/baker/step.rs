@@ -384,7 +384,9 @@ impl Baker {
                 (old, new)
             }
         };
-        let done = self.holdings.change(update.parts, &update.what.cells(), change);
+        let done = self
+            .holdings
+            .change(update.parts, &update.what.cells(), change);
         let lights = |cells: &[Held]| cells.iter().flat_map(Held::lights).collect::<Vec<_>>();
         for (parts, (old, new)) in done {
             if old.is_empty() && new.is_empty() {

@@ -63,13 +63,20 @@ impl Baker {
         let before = self.illumination.sums()?;
         // What the driver compiles at its first dispatch is no part of the cost.
         for (light, from) in lights.iter().take(16) {
-            self.illumination.push_difference(Parts::ALL, light, *from, to)?;
-            self.illumination.push_difference(Parts::ALL, light, to, *from)?;
+            self.illumination
+                .push_difference(Parts::ALL, light, *from, to)?;
+            self.illumination
+                .push_difference(Parts::ALL, light, to, *from)?;
         }
         let mut touched = 0;
         let there = self.cost("limited updates", |baker| {
             for (light, from) in &lights {
-                touched += u64::from(baker.illumination.push_difference(Parts::ALL, light, *from, to)?);
+                touched += u64::from(baker.illumination.push_difference(
+                    Parts::ALL,
+                    light,
+                    *from,
+                    to,
+                )?);
             }
             Ok(())
         })?;
@@ -94,7 +101,9 @@ impl Baker {
         compare_sums(&self.texels, &self.illumination.sums()?, &limited)?;
         let back = self.cost("limited updates", |baker| {
             for (light, from) in &lights {
-                baker.illumination.push_difference(Parts::ALL, light, to, *from)?;
+                baker
+                    .illumination
+                    .push_difference(Parts::ALL, light, to, *from)?;
             }
             Ok(())
         })?;

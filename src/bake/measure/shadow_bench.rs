@@ -9,7 +9,7 @@ use crate::bake::device::records::asked::ALL;
 use crate::bake::device::records::coarse;
 use crate::bake::device::shared::{BATCH, FACES, VIEW_HEMICUBE};
 use crate::bake::job::report::ShadowCounts;
-use crate::bake::passes::shadow::ShadowPass;
+use crate::bake::passes::shadow::{Maps, ShadowPass};
 use crate::bake::world::occluders::Occluders;
 use crate::bake::world::versions::Versions;
 use crate::gpu::{Gpu, Result, Stage};
@@ -121,9 +121,11 @@ impl ShadowBench {
                 &mut cmd,
                 &self.occluders,
                 versions.address(),
-                views,
-                &[],
-                true,
+                &Maps {
+                    views,
+                    kept: &[],
+                    blocks: true,
+                },
             )?;
             cmd.submit()?.wait()
         };

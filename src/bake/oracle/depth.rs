@@ -2,7 +2,7 @@
 
 use glam::{Affine2, DVec3, Vec2, Vec3};
 
-use super::{Numbers, SIZES, around, bounds, gpu, random_light};
+use super::{Numbers, SIZES, around, bounds, gpu, maps, random_light};
 use crate::bake::device::records::{self, ShadowSizes, View};
 use crate::bake::passes::shadow::ShadowPass;
 use crate::bake::world::occluders::Occluders;
@@ -58,7 +58,7 @@ fn compare(gpu: &Gpu, numbers: &mut Numbers, scene: &Scene, triangles: &[[Vec3; 
         records::record(&light, 1, &sizes, &around(), &mut views, &mut offset);
         let mut cmd = gpu.commands().expect("recording");
         shadow
-            .record(gpu, &mut cmd, &occluders, versions.address(), &views, true)
+            .record(gpu, &mut cmd, &occluders, versions.address(), &maps(&views))
             .expect("recording");
         cmd.submit()
             .expect("submission")
@@ -113,7 +113,13 @@ fn slivers_are_no_nearer_than_their_vertices() {
     records::record(&light, 1, &SIZES, &around(), &mut views, &mut offset);
     let mut cmd = gpu.commands().expect("recording");
     shadow
-        .record(&gpu, &mut cmd, &occluders, versions.address(), &views, true)
+        .record(
+            &gpu,
+            &mut cmd,
+            &occluders,
+            versions.address(),
+            &maps(&views),
+        )
         .expect("recording");
     let wait = cmd.submit().expect("submission").wait();
     wait.expect("no validation message");
@@ -158,7 +164,7 @@ fn coarser_occluders_hide_what_their_triangles_do() {
         let before = shadow.counts().expect("read-back").triangles;
         let mut cmd = gpu.commands().expect("recording");
         shadow
-            .record(&gpu, &mut cmd, &occluders, versions.address(), views, true)
+            .record(&gpu, &mut cmd, &occluders, versions.address(), &maps(views))
             .expect("recording");
         let wait = cmd.submit().expect("submission").wait();
         wait.expect("no validation message");

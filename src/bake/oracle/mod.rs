@@ -12,9 +12,9 @@ use std::sync::LazyLock;
 use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 
-use crate::bake::device::records::{self, Light, Parts, ShadowSizes, Surroundings};
+use crate::bake::device::records::{self, Light, Parts, ShadowSizes, Surroundings, View};
 use crate::bake::passes::accumulate::{AccumulatePass, Batch, Evaluation};
-use crate::bake::passes::shadow::ShadowPass;
+use crate::bake::passes::shadow::{Maps, ShadowPass};
 use crate::bake::world::occluders::Occluders;
 use crate::bake::world::place::Receivers;
 use crate::bake::world::versions::Versions;
@@ -104,6 +104,15 @@ pub(super) fn bounds() -> Bounds {
     }
 }
 
+/// All of these are drawn.
+pub(super) fn maps(views: &[View]) -> Maps<'_> {
+    Maps {
+        views,
+        kept: &[],
+        blocks: true,
+    }
+}
+
 /// The only version there is.
 pub(super) fn around() -> Surroundings<'static> {
     static BOUNDS: LazyLock<Bounds> = LazyLock::new(bounds);
@@ -171,7 +180,7 @@ pub(super) fn run(
         let mut cmd = gpu.commands().expect("recording");
         cmd.barrier(Stage::All, Stage::All);
         shadow
-            .record(gpu, &mut cmd, &occluders, versions.address(), &views, &[], true)
+            .record(gpu, &mut cmd, &occluders, versions.address(), &maps(&views))
             .expect("recording");
         let batch = Batch {
             lights: &records,

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Quat, Vec3};
 
 use super::{EVALUATION, Numbers, SIZES, gpu, random_light, random_texels};
+use crate::bake::device::records::Parts;
 use crate::bake::update::{Illumination, Sign};
 use crate::bake::world::changes::{Changed, Place};
 use crate::bake::world::versions::Version;
@@ -153,15 +154,27 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         let mut map = start(&gpu, &scene, &texels);
         // Of what is limited, too.
         map.set_occlusion(true);
-        let mut held: Vec<(VirtualLight, Version)> = (0..20)
-            .map(|i| {
+        // No depth map, hardly any, or all of them are kept.
+        map.keep_maps([0, 12 * 4 * 3, 1000][seed as usize % 3] * u64::from(SIZES.indirect).pow(2));
+        let all = texels.list.len() / Texel::TILE;
+        let mut seen: Vec<bool> = (0..all).map(|_| numbers.next() < 0.4).collect();
+        map.divide(&seen).expect("upload");
+        // The whole map, or its parts one by one.
+        let mut held: Vec<(VirtualLight, Parts, Version)> = (0..20)
+            .flat_map(|i| {
                 let mut light = random_light(&mut numbers, i % 5);
-                light.direct = i % 5 > 1 || i % 2 == 0;
-                (light, 0)
+                light.direct = i % 5 > 1 || i % 4 == 0;
+                let parts: &[Parts] = match i % 3 {
+                    0 => &[Parts::ALL],
+                    1 => &Parts::EACH,
+                    _ => &[Parts::REST],
+                };
+                parts.iter().map(move |parts| (light.clone(), *parts, 0))
             })
             .collect();
-        for (light, version) in &held {
-            map.push(light.clone(), Sign::Add, *version).expect("add");
+        for (light, parts, version) in &held {
+            map.push_to(*parts, light.clone(), Sign::Add, *version)
+                .expect("add");
         }
         let choose = |numbers: &mut Numbers, n: usize| (numbers.next() * n as f32) as usize;
         let mut retired: Vec<(Version, Range<u32>)> = Vec::new();
@@ -212,33 +225,41 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
             let version = map
                 .change(&scene, &texels, &new, &replaced, changed)
                 .expect("a change");
+            for tiles in &new {
+                seen.resize(seen.len().max(tiles.end as usize), false);
+                seen[tiles.start as usize..tiles.end as usize].fill(false);
+            }
             reused += new.iter().filter(|tiles| tiles.start < known).count();
             if away {
                 retired.push((version, texels.retire(object)));
             }
             for _ in 0..8 {
                 let at = choose(&mut numbers, held.len());
-                let (light, old) = held[at].clone();
+                let (light, parts, old) = held[at].clone();
                 match choose(&mut numbers, 3) {
                     0 => {
-                        map.push_difference(Parts::ALL, &light, old, version).expect("update");
-                        held[at].1 = version;
+                        map.push_difference(parts, &light, old, version)
+                            .expect("update");
+                        held[at].2 = version;
                     }
                     1 => {
-                        map.push(light.clone(), Sign::Subtract, old)
+                        map.push_to(parts, light.clone(), Sign::Subtract, old)
                             .expect("update");
-                        map.push(light, Sign::Add, version).expect("update");
-                        held[at].1 = version;
+                        map.push_to(parts, light, Sign::Add, version)
+                            .expect("update");
+                        held[at].2 = version;
                     }
                     _ => {
-                        map.push(light, Sign::Subtract, old).expect("update");
+                        map.push_to(parts, light, Sign::Subtract, old)
+                            .expect("update");
                         let new = random_light(&mut numbers, at % 5);
-                        map.push(new.clone(), Sign::Add, version).expect("update");
-                        held[at] = (new, version);
+                        map.push_to(parts, new.clone(), Sign::Add, version)
+                            .expect("update");
+                        held[at] = (new, parts, version);
                     }
                 }
             }
-            let oldest = held.iter().map(|h| h.1).min().expect("lights");
+            let oldest = held.iter().map(|h| h.2).min().expect("lights");
             map.forget(oldest).expect("room");
             for (_, tiles) in retired.extract_if(.., |(since, _)| *since <= oldest) {
                 texels.release(tiles);
@@ -247,8 +268,9 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         println!("seed {seed}: {reused} of what came lies where others were");
         all_reused += reused;
         let last = map.version();
-        for (light, version) in &mut held {
-            map.push_difference(Parts::ALL, light, *version, last).expect("update");
+        for (light, parts, version) in &mut held {
+            map.push_difference(*parts, light, *version, last)
+                .expect("update");
             *version = last;
         }
         map.forget(last).expect("room");
@@ -271,8 +293,11 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
         let version = fresh
             .change(&scene, &texels, &[], &[], changed)
             .expect("a change");
-        for (light, _) in held {
-            fresh.push(light, Sign::Add, version).expect("add");
+        fresh.divide(&seen).expect("upload");
+        for (light, parts, _) in held {
+            fresh
+                .push_to(parts, light, Sign::Add, version)
+                .expect("add");
         }
         let expected = fresh.sums().expect("read-back");
         let wrong = sums.iter().zip(&expected).filter(|(a, b)| a != b).count();
@@ -357,7 +382,8 @@ fn a_tile_takes_the_place_of_another_beside_what_was_asked_for_too() {
         .change(&scene, &texels, &[], &[0], changed)
         .expect("a change");
     assert!(
-        map.push_difference(Parts::ALL, &light, 0, version).expect("update"),
+        map.push_difference(Parts::ALL, &light, 0, version)
+            .expect("update"),
         "the light misses what changed"
     );
     let sums = map.sums().expect("read-back");

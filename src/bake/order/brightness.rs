@@ -189,38 +189,38 @@ fn norms(
     let nearest = 1e-6 * far * far;
     let mut sums = [0.0; 2];
     for i in 0..RAYS {
-            // The golden ratio: even in both directions.
-            let u = [
-                (i as f32 + 0.5) / RAYS as f32,
-                (i as f32 * 0.618_034).fract(),
-            ];
-            let (direction, origin) = match light.shape {
-                Shape::Point => (sampling::sphere(u), light.position),
-                Shape::Spot { outer, .. } => {
-                    let cosine = 1.0 - u[0] * (1.0 - outer.cos());
-                    let local = sampling::around_z(cosine, u[1]);
-                    let (x, y) = sampling::basis(light.normal);
-                    let direction = x * local.x + y * local.y + light.normal * local.z;
-                    (direction, light.position)
-                }
-                _ => (
-                    sampling::cosine_hemisphere(light.normal, u),
-                    offset(light.position, light.normal),
-                ),
-            };
-            let Some(hit) = bvh.closest(scene, origin, direction, far) else {
-                continue;
-            };
-            let arriving = hit.normal.dot(direction).abs() / (hit.t * hit.t + area / PI + nearest);
-            let weight = eye.map_or(1.0, |eye| {
-                eye.weight(scene, bvh, origin + direction * hit.t, hit.normal)
-            });
-            let part = division.map_or(1, |division| division.part(&hit));
-            sums[part] += f64::from(match light.shape {
-                Shape::Point => 4.0 * PI * arriving * weight,
-                Shape::Spot { outer, .. } => 2.0 * PI * (1.0 - outer.cos()) * arriving * weight,
-                _ => light.normal.dot(direction).max(0.0) * arriving * weight / PI,
-            });
+        // The golden ratio: even in both directions.
+        let u = [
+            (i as f32 + 0.5) / RAYS as f32,
+            (i as f32 * 0.618_034).fract(),
+        ];
+        let (direction, origin) = match light.shape {
+            Shape::Point => (sampling::sphere(u), light.position),
+            Shape::Spot { outer, .. } => {
+                let cosine = 1.0 - u[0] * (1.0 - outer.cos());
+                let local = sampling::around_z(cosine, u[1]);
+                let (x, y) = sampling::basis(light.normal);
+                let direction = x * local.x + y * local.y + light.normal * local.z;
+                (direction, light.position)
+            }
+            _ => (
+                sampling::cosine_hemisphere(light.normal, u),
+                offset(light.position, light.normal),
+            ),
+        };
+        let Some(hit) = bvh.closest(scene, origin, direction, far) else {
+            continue;
+        };
+        let arriving = hit.normal.dot(direction).abs() / (hit.t * hit.t + area / PI + nearest);
+        let weight = eye.map_or(1.0, |eye| {
+            eye.weight(scene, bvh, origin + direction * hit.t, hit.normal)
+        });
+        let part = division.map_or(1, |division| division.part(&hit));
+        sums[part] += f64::from(match light.shape {
+            Shape::Point => 4.0 * PI * arriving * weight,
+            Shape::Spot { outer, .. } => 2.0 * PI * (1.0 - outer.cos()) * arriving * weight,
+            _ => light.normal.dot(direction).max(0.0) * arriving * weight / PI,
+        });
     }
     sums.map(|sum| (sum / f64::from(RAYS)).sqrt())
 }
@@ -265,6 +265,9 @@ mod tests {
         };
         assert!((0.8 * even..1.3 * even).contains(&disk), "{disk} {even}");
         let even = 4.0 * f64::from(PI) * even;
-        assert!((0.98 * even..1.02 * even).contains(&point), "{point} {even}");
+        assert!(
+            (0.98 * even..1.02 * even).contains(&point),
+            "{point} {even}"
+        );
     }
 }

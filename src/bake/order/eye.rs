@@ -12,7 +12,7 @@ pub(in crate::bake) const PICTURE: [u32; 2] = [320, 180];
 pub(in crate::bake) const ASPECT: f32 = PICTURE[0] as f32 / PICTURE[1] as f32;
 
 /// How much what is not seen counts, of what is: somebody will look there too.
-pub(super) const UNSEEN: f32 = 0.02;
+pub(super) const UNSEEN: f32 = 0.005;
 /// How much more than the picture's middling surface any counts at most: few rays tell, and not one of them is to decide.
 const CLOSEST: f32 = 16.0;
 /// Columns and rows of the rays that tell which that is.

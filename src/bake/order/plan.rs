@@ -68,8 +68,7 @@ impl Plan {
         let (validation, balancing): (Vec<_>, Vec<_>) = updates
             .into_iter()
             .partition(|u| u.kind == Kind::Validation);
-        let (direct, other): (Vec<_>, Vec<_>) =
-            validation.into_iter().partition(Update::is_direct);
+        let (direct, other): (Vec<_>, Vec<_>) = validation.into_iter().partition(Update::is_direct);
         Self {
             validation: [direct, other].map(Queue::new),
             balancing: Queue::new(balancing),

@@ -97,7 +97,10 @@ impl Update {
 
     /// Whether it is about direct light alone.
     pub(in crate::bake) fn is_direct(&self) -> bool {
-        self.what.cells().iter().all(|c| matches!(c, CellId::Aperture { .. }))
+        self.what
+            .cells()
+            .iter()
+            .all(|c| matches!(c, CellId::Aperture { .. }))
     }
 
     /// Cells that it takes out of the map.
@@ -156,7 +159,9 @@ const RESHAPED: f64 = 0.1;
 pub(in crate::bake) fn join(updates: Vec<Update>, is_one: impl Fn(&CellId) -> bool) -> Vec<Update> {
     let of = |parts| updates.iter().filter(move |u: &&Update| u.parts == parts);
     let rest: BTreeSet<&What> = of(Parts::REST).map(|u| &u.what).collect();
-    let joined = of(Parts::SEEN).map(|u| &u.what).filter(|w| rest.contains(w));
+    let joined = of(Parts::SEEN)
+        .map(|u| &u.what)
+        .filter(|w| rest.contains(w));
     let joined = joined.filter(|what| what.cells().iter().all(&is_one));
     let joined: BTreeSet<What> = joined.cloned().collect();
     let once = |mut update: Update| {
@@ -325,7 +330,9 @@ pub(in crate::bake) fn exchange(
     let balancing = !subtract.is_empty() && subtract != add && invalid == 0.0;
     let changing = || gone.iter().chain(&come).map(|(l, _)| *l);
     // What stays has to follow the scene.
-    let stays = new.iter().filter(|(l, _)| !come.iter().any(|(c, _)| c == l));
+    let stays = new
+        .iter()
+        .filter(|(l, _)| !come.iter().any(|(c, _)| c == l));
     let work = (come.iter().map(|(l, _)| Work::add(l)))
         .chain(gone.iter().map(|(l, _)| Work::subtract(l)))
         .chain(stays.map(|(l, _)| Work::follow(l, &[])));
@@ -370,7 +377,9 @@ pub(in crate::bake) fn advance(
         what: What::Advance(cell),
         gain,
         parts,
-        shown: towards.map_or([spread; 2], |t| t.shown.map(|shown| shown.max(UNSURE * spread))),
+        shown: towards.map_or([spread; 2], |t| {
+            t.shown.map(|shown| shown.max(UNSURE * spread))
+        }),
         invalid: share_of(gain, lights.iter().map(|l| lumens(l.flux)).sum()),
         work: lights.iter().map(|l| Work::follow(l, regions)).sum(),
         lights: lights.len() as u64,

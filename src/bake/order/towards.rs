@@ -181,7 +181,10 @@ mod tests {
         let facing = all(Some(&Eye::new(&camera(0.0))), near).shown[1];
         let away = all(Some(&Eye::new(&camera(std::f32::consts::PI))), near).shown[1];
         let unseen = met.shown[1] * f64::from(super::super::eye::UNSEEN).sqrt();
-        assert!((away - unseen).abs() < 1e-6 * met.shown[1], "{away} {unseen}");
+        assert!(
+            (away - unseen).abs() < 1e-6 * met.shown[1],
+            "{away} {unseen}"
+        );
         assert!(
             facing > 2.0 * away && facing < met.shown[1],
             "{facing} {away} {met:?}"

@@ -44,6 +44,16 @@ pub(in crate::bake) struct ShadowPass {
     drawn: [u64; 3],
 }
 
+/// What is drawn.
+pub(in crate::bake) struct Maps<'a> {
+    /// Those that borrow after those they borrow from.
+    pub views: &'a [View],
+    /// What is there already of some, to be copied into them before.
+    pub kept: &'a [KeptMap<'a>],
+    /// [`ShadowPass::blocks`] will be asked for.
+    pub blocks: bool,
+}
+
 /// Where the map of a view is kept.
 pub(in crate::bake) struct KeptMap<'a> {
     /// Index of the view.
@@ -245,17 +255,19 @@ impl ShadowPass {
         self.depth.address()
     }
 
-    /// Draws `views`, those that borrow after those they borrow from, and `kept` into them before; the maps can be read by compute shaders after the next
-    /// barrier. `instances`: the table that says what stands in a view's version. `blocks`: [`ShadowPass::blocks`] will be asked for.
+    /// Draws maps, which can be read by compute shaders after the next barrier. `instances`: the table that says what stands in a
+    /// view's version.
     pub(in crate::bake) fn record(
         &mut self,
         gpu: &Gpu,
         cmd: &mut Commands,
         occluders: &Occluders,
         instances: Address,
-        views: &[View],
-        kept: &[KeptMap],
-        blocks: bool,
+        &Maps {
+            views,
+            kept,
+            blocks,
+        }: &Maps,
     ) -> Result<()> {
         let elements: u64 = views.iter().map(pixels).sum();
         let faces = |v: &View| if v.kind == VIEW_HEMICUBE { 5 } else { 1 };

@@ -8,7 +8,7 @@ use super::{Flight, Illumination, Pending, Sign};
 use crate::bake::device::records::{self, Region, Surroundings};
 use crate::bake::device::shared::{BATCH, KEPT_ALL, KEPT_BESIDE, KEPT_BOTH, KEPT_NOTHING};
 use crate::bake::passes::accumulate::Batch;
-use crate::bake::passes::shadow::{KeptMap, MAX_VIEWS};
+use crate::bake::passes::shadow::{KeptMap, MAX_VIEWS, Maps};
 use crate::bake::world::versions::Version;
 use crate::cluster::Shape;
 use crate::gpu::{Result, Stage};
@@ -220,9 +220,11 @@ impl Illumination {
             &mut cmd,
             &self.occluders,
             instances,
-            &views,
-            &fetched,
-            !soft,
+            &Maps {
+                views: &views,
+                kept: &fetched,
+                blocks: !soft,
+            },
         )?;
         self.shadow.keep(&mut cmd, &views, &stored);
         let batch = Batch {

@@ -94,6 +94,8 @@ pub struct Bake {
 pub struct Replay {
     #[command(flatten)]
     pub bake: Bake,
+    #[command(flatten)]
+    pub edits: options::Edits,
     /// The script: JSON, an edit a line
     pub script: PathBuf,
     /// Write so many lightmaps along the way, evenly over the time
@@ -102,7 +104,7 @@ pub struct Replay {
     /// Milliseconds of updates between two looks at the map, as a viewer's frame has them
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub frame_ms: Option<f32>,
-    /// Share of invalid flux at which validation and balancing take turns
+    /// Share of invalid flux at which balancing may have half of the work
     #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = 0.1)]
     pub turns_at: f64,
     /// What tells which lights an edit made wrong, and so the order of updates: the light that falls on the bounds of what it

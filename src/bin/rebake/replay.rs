@@ -20,6 +20,7 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
     let script = read(&command.script, command.keep_going)?;
     let (gpu, scene, document) = bake::prepare(args, &command.bake)?;
     let mut job = bake::job(&command.bake)?;
+    job.kept_maps = command.edits.kept_maps();
     // It is the map after the edits that --verify is about.
     let verify = std::mem::take(&mut job.verify);
     let Baked {

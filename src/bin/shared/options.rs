@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use rebake::bake::Quality;
+use rebake::bake::{KEPT_MAPS, Quality};
 use rebake::gpu::GpuOptions;
 use rebake::scene::Source;
 
@@ -25,6 +25,21 @@ pub struct Device {
     /// Write where the time went: spans of all threads and passes of the device, for ui.perfetto.dev or chrome://tracing
     #[arg(long, global = true, value_name = "JSON")]
     pub trace: Option<PathBuf>,
+}
+
+/// What edits may use besides.
+#[derive(clap::Args)]
+pub struct Edits {
+    /// Device memory in which depth maps are kept, so that edits need not draw them again, MiB; 0: none are
+    #[arg(long, value_name = "MIB", default_value_t = KEPT_MAPS >> 20, value_parser = clap::value_parser!(u64).range(..=1 << 20))]
+    kept_maps: u64,
+}
+
+impl Edits {
+    /// Bytes, as the library has them.
+    pub fn kept_maps(&self) -> u64 {
+        self.kept_maps << 20
+    }
 }
 
 impl Device {

@@ -15,6 +15,8 @@ pub struct Args {
     #[command(flatten)]
     pub scene: options::Scene,
     #[command(flatten)]
+    pub edits: options::Edits,
+    #[command(flatten)]
     pub device: options::Device,
     /// Milliseconds of work on the map between two pictures [default: 16, or half of what a picture takes, where that is more]
     #[arg(long, value_name = "MS", value_parser = positive)]

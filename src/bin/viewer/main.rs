@@ -111,6 +111,7 @@ fn job(args: &Args) -> Job {
             quality: args.scene.quality,
             ..Options::default()
         },
+        kept_maps: args.edits.kept_maps(),
         ..Job::default()
     }
 }

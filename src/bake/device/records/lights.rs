@@ -3,9 +3,9 @@
 use bytemuck::Zeroable;
 use glam::Vec3;
 
-use super::{Parts, Version};
 use super::asked::{self, Asked, Seen};
 use super::{Light, Region, View};
+use super::{Parts, Version};
 use crate::bake::device::shared::*;
 use crate::cluster::{Shape, VirtualLight};
 use crate::scene::Bounds;

@@ -246,7 +246,10 @@ fn shown(path: u64, shown: Both, work: f64) -> Update {
     Update {
         what: What::Exchange {
             subtract: Vec::new(),
-            add: vec![CellId::Octree(crate::cluster::cell::Cell::at(Vec3::splat(path as f32), 3))],
+            add: vec![CellId::Octree(crate::cluster::cell::Cell::at(
+                Vec3::splat(path as f32),
+                3,
+            ))],
         },
         shown,
         ..update(Kind::Validation, path, 1.0, work, 1.0)
@@ -278,7 +281,9 @@ fn what_is_seen_is_done_first_where_that_shows_more_for_its_work() {
     assert!((done.iter().map(|u| u.gain).sum::<f64>() - gain).abs() < 1e-9);
     let order: Vec<_> = {
         let mut plan = Plan::new(done, 0.0);
-        std::iter::from_fn(|| plan.next(0.1)).map(|u| (u.parts, u.what)).collect()
+        std::iter::from_fn(|| plan.next(0.1))
+            .map(|u| (u.parts, u.what))
+            .collect()
     };
     let at = |parts, i| order.iter().position(|o| *o == (parts, what(i)));
     assert!(at(Parts::SEEN, 0) < at(Parts::REST, 0));
@@ -300,7 +305,10 @@ fn what_is_the_same_in_both_parts_is_joined() {
         of(4, Parts::REST),
     ];
     let joined = join(updates, |c| *c != cell(3));
-    let parts: Vec<_> = joined.iter().map(|u| (u.what.cells()[0], u.parts)).collect();
+    let parts: Vec<_> = joined
+        .iter()
+        .map(|u| (u.what.cells()[0], u.parts))
+        .collect();
     let expected = [
         (cell(1), Parts::ALL),
         (cell(2), Parts::SEEN),

@@ -212,6 +212,8 @@ fn plan(command: &Bench, on_cpu: bool) -> anyhow::Result<Plan> {
                 seed: command.seed,
                 ..Options::default()
             },
+            // What is kept is measured where edits are.
+            kept_maps: 0,
             ..Job::default()
         },
         parts: if command.only.is_empty() {
