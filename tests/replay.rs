@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime};
 
 use fixtures::{Step, edit, steps, write_chair};
+use glam::Vec3;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rebake::bake::{Baked, Baker, Job, Limit, Options, Quality, Silent, bake};
@@ -18,7 +19,7 @@ use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::AtlasOptions;
 use rebake::lightmap::export::{Content, write_outputs};
 use rebake::scene::edit::{Command as Line, Editor};
-use rebake::scene::{Document, Scene, builtin::builtin};
+use rebake::scene::{Camera, Document, Scene, builtin::builtin};
 
 use run::{bake as bake_file, builtin as write_builtin, rebake, said};
 use tempfile::tempdir;
@@ -55,6 +56,12 @@ fn job(texels: u64, paths: u64, clusters: u32) -> Job {
             clusters: Some(clusters),
             shadow_size: Some(16),
             ..Options::default()
+        },
+        // Of some lights' depth maps, or of all.
+        kept_maps: if texels < 1000 {
+            30 * 3 * 16 * 16 * 4
+        } else {
+            1 << 28
         },
         ..Job::default()
     }
@@ -125,6 +132,15 @@ fn follow(name: &str, job: &Job, steps: &[Step]) -> Result<(), TestCaseError> {
                 baker.undo().unwrap();
                 depth -= 1;
             }
+        }
+        // Somebody looks, moves on in the middle of that, and goes.
+        let eye = baker.scene().bounds().center();
+        let camera = |x, z| Camera::looking(eye, eye + Vec3::new(x, -0.3, z));
+        match i % 7 {
+            1 => baker.look_from(Some(&camera(1.0, 0.1))),
+            3 => baker.look_from(Some(&camera(-0.3, 1.0))),
+            6 => baker.look_from(None),
+            _ => {}
         }
         let limit = match i % 5 {
             0 => Limit::Updates(3),
@@ -297,6 +313,43 @@ fn a_replay_is_the_bake_of_the_scene_it_wrote() {
     assert!(output.status.success(), "{}", said(&output));
     let (first, _) = bake_file(&scene, "first", SMALL);
     assert!(read(&first, "lightmap_0.exr") == read(&replayed, "lightmap_0.exr"));
+}
+
+/// Next to a wall, a camera sees its part of the map right while much of the rest is still wrong. The script is named without its
+/// folder.
+#[test]
+fn what_a_camera_sees_follows_first() {
+    let folder = tempdir().unwrap();
+    write_chair(folder.path());
+    let scene = write_builtin("cornell", folder.path());
+    let lines = [
+        r#"{"do": "add", "file": "chair.gltf", "name": "chair"}"#,
+        r#"{"do": "transform", "node": "small.box", "translation": [0.2, 0.3, 0.3]}"#,
+    ];
+    std::fs::write(folder.path().join("script.jsonl"), lines.join("\n")).unwrap();
+    let options =
+        "--texels 20k --paths 8k --clusters 100 --quality draft --camera=0,1,0,-1,0.9,0.1 --verify";
+    let done = Command::new(env!("CARGO_BIN_EXE_rebake"))
+        .current_dir(folder.path())
+        .args(["replay", "-q"])
+        .arg(scene)
+        .args(["script.jsonl", "-o", "out"])
+        .args(options.split(' '))
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{}", said(&done));
+    let table = String::from_utf8(read(&folder.path().join("out"), "convergence.csv")).unwrap();
+    let mut lines = table.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name| names.iter().position(|n| *n == name).unwrap();
+    let (seen, all) = (column("viewport share"), column("RMS share"));
+    let left = |line: &str, at: usize| line.split(',').nth(at).unwrap().parse::<f64>().unwrap();
+    let first = lines.find(|line| left(line, seen) < 0.1).unwrap();
+    let (seen, all) = (left(first, seen), left(first, all));
+    assert!(
+        all > 2.0 * seen,
+        "{seen} of what is seen, {all} of all is left"
+    );
 }
 
 #[test]

@@ -3,11 +3,12 @@
 use std::path::Path;
 use std::time::Duration;
 
+use glam::Vec3;
 use rebake::bake::{Baker, Job, Limit, Options, Quality, Silent};
 use rebake::gpu::{Gpu, GpuOptions};
 use rebake::lightmap::AtlasOptions;
 use rebake::scene::edit::Command;
-use rebake::scene::{Scene, builtin::builtin};
+use rebake::scene::{Camera, Scene, builtin::builtin};
 
 fn values(baker: &mut Baker) -> Vec<f32> {
     let map = baker.lightmap().expect("a device");
@@ -49,9 +50,15 @@ fn edit(baker: &mut Baker, line: &str) {
     baker.apply(&edit, Path::new(".")).expect("an edit");
 }
 
+/// Looks into the corner between the floor and a wall, on the left or on the right.
+fn corner(side: f32) -> Camera {
+    Camera::looking(Vec3::new(0.0, 1.0, 0.9), Vec3::new(side, 0.2, -0.5))
+}
+
 /// The map after every so many updates, the first and the last one included.
-fn frames(line: &str, every: u64) -> Vec<Vec<f32>> {
+fn frames(line: &str, every: u64, camera: Option<&Camera>) -> Vec<Vec<f32>> {
     let mut baker = cornell();
+    baker.look_from(camera);
     let mut frames = vec![values(&mut baker)];
     edit(&mut baker, line);
     while !baker.is_converged() {
@@ -63,10 +70,17 @@ fn frames(line: &str, every: u64) -> Vec<Vec<f32>> {
 
 #[test]
 fn a_light_that_is_dimmed_grows_dark_without_flicker() {
-    let frames = frames(
-        r#"{"do": "material", "material": "lamp", "emissiveStrength": 2500}"#,
-        1,
-    );
+    dim(None);
+}
+
+#[test]
+fn what_is_seen_of_a_dimmed_light_goes_ahead_without_flicker() {
+    dim(Some(&corner(-1.0)));
+}
+
+fn dim(camera: Option<&Camera>) {
+    let line = r#"{"do": "material", "material": "lamp", "emissiveStrength": 2500}"#;
+    let frames = frames(line, 1, camera);
     let (old, new) = (&frames[0], &frames[frames.len() - 1]);
     let (bright, dark) = (mean(old), mean(new));
     assert!(frames.len() > 20 && dark < 0.6 * bright, "{bright} {dark}");
@@ -92,6 +106,7 @@ fn a_light_that_is_dimmed_grows_dark_without_flicker() {
 #[test]
 fn slices_cut_updates_anywhere_and_edits_may_come_there() {
     let mut baker = cornell();
+    baker.look_from(Some(&corner(-1.0)));
     let before = values(&mut baker);
     // So short that each sends a light.
     let slice = |whole| Limit::Slice {
@@ -113,7 +128,8 @@ fn slices_cut_updates_anywhere_and_edits_may_come_there() {
     while baker.is_whole() {
         baker.step(slice(false)).expect("a slice");
     }
-    // In the middle of an update.
+    // In the middle of an update, and of what was seen first.
+    baker.look_from(Some(&corner(1.0)));
     edit(
         &mut baker,
         r#"{"do": "material", "material": "lamp", "emissiveStrength": 9000}"#,
