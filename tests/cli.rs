@@ -6,6 +6,7 @@ mod failing;
 mod run;
 
 use std::path::Path;
+use std::process::Command;
 
 use failing::{TINY, content, fails};
 use run::{bake, bake_that_says, builtin, rebake, said};
@@ -249,4 +250,43 @@ fn large_scenes_bake_in_silence() {
         let cap = report["flux"]["balance_error"].as_f64().expect("a number");
         assert!(cap < 1e-6, "{name}: {cap}");
     }
+}
+
+/// Next to a wall, a camera sees its part of the map right while much of the rest is still wrong. The script is named without its
+/// folder.
+#[test]
+fn what_a_camera_sees_follows_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = builtin("cornell", folder.path());
+    let lines = [
+        r#"{"do": "add", "file": "wall.gltf", "name": "wall"}"#,
+        r#"{"do": "transform", "node": "wall", "translation": [0, 0, 0.6], "scale": [0.5, 0.8, 0.1]}"#,
+        r#"{"do": "transform", "node": "small.box", "translation": [0.2, 0.3, 0.3]}"#,
+    ];
+    let wall = include_str!("../assets/replay/wall.gltf");
+    std::fs::write(folder.path().join("wall.gltf"), wall).unwrap();
+    std::fs::write(folder.path().join("script.jsonl"), lines.join("\n")).unwrap();
+    let options =
+        "--texels 20k --paths 8k --clusters 100 --quality draft --camera=0,1,0,-1,0.9,0.1 --verify";
+    let done = Command::new(env!("CARGO_BIN_EXE_rebake"))
+        .current_dir(folder.path())
+        .args(["replay", "-q"])
+        .arg(scene)
+        .args(["script.jsonl", "-o", "out"])
+        .args(options.split(' '))
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{}", said(&done));
+    let table = std::fs::read_to_string(folder.path().join("out/convergence.csv")).unwrap();
+    let mut lines = table.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name| names.iter().position(|n| *n == name).unwrap();
+    let (seen, all) = (column("viewport share"), column("RMS share"));
+    let left = |line: &str, at: usize| line.split(',').nth(at).unwrap().parse::<f64>().unwrap();
+    let first = lines.find(|line| left(line, seen) < 0.1).unwrap();
+    let (seen, all) = (left(first, seen), left(first, all));
+    assert!(
+        all > 2.0 * seen,
+        "{seen} of what is seen, {all} of all is left"
+    );
 }

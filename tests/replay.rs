@@ -315,43 +315,6 @@ fn a_replay_is_the_bake_of_the_scene_it_wrote() {
     assert!(read(&first, "lightmap_0.exr") == read(&replayed, "lightmap_0.exr"));
 }
 
-/// Next to a wall, a camera sees its part of the map right while much of the rest is still wrong. The script is named without its
-/// folder.
-#[test]
-fn what_a_camera_sees_follows_first() {
-    let folder = tempdir().unwrap();
-    write_chair(folder.path());
-    let scene = write_builtin("cornell", folder.path());
-    let lines = [
-        r#"{"do": "add", "file": "chair.gltf", "name": "chair"}"#,
-        r#"{"do": "transform", "node": "small.box", "translation": [0.2, 0.3, 0.3]}"#,
-    ];
-    std::fs::write(folder.path().join("script.jsonl"), lines.join("\n")).unwrap();
-    let options =
-        "--texels 20k --paths 8k --clusters 100 --quality draft --camera=0,1,0,-1,0.9,0.1 --verify";
-    let done = Command::new(env!("CARGO_BIN_EXE_rebake"))
-        .current_dir(folder.path())
-        .args(["replay", "-q"])
-        .arg(scene)
-        .args(["script.jsonl", "-o", "out"])
-        .args(options.split(' '))
-        .output()
-        .unwrap();
-    assert!(done.status.success(), "{}", said(&done));
-    let table = String::from_utf8(read(&folder.path().join("out"), "convergence.csv")).unwrap();
-    let mut lines = table.lines();
-    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let column = |name| names.iter().position(|n| *n == name).unwrap();
-    let (seen, all) = (column("viewport share"), column("RMS share"));
-    let left = |line: &str, at: usize| line.split(',').nth(at).unwrap().parse::<f64>().unwrap();
-    let first = lines.find(|line| left(line, seen) < 0.1).unwrap();
-    let (seen, all) = (left(first, seen), left(first, all));
-    assert!(
-        all > 2.0 * seen,
-        "{seen} of what is seen, {all} of all is left"
-    );
-}
-
 #[test]
 fn a_wrong_line_is_named_and_nothing_is_written_unless_told_to_go_on() {
     let folder = tempdir().unwrap();

@@ -128,6 +128,11 @@ impl Baker {
                 reach: self.clearances.reach(),
             };
             let boxes = changed.boxes();
+            for tiles in &self.new_tiles {
+                let (first, end) = (tiles.start as usize, tiles.end as usize);
+                let known = self.seen.len();
+                self.seen[first.min(known)..end.min(known)].fill(false);
+            }
             if let Some(sight) = &mut self.sight {
                 let came = !self.new_tiles.is_empty();
                 sight.follow(&scene, &self.bvh, &self.atlas, &self.texels, &boxes, came);

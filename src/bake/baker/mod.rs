@@ -6,6 +6,7 @@ mod holdings;
 pub(super) mod journal;
 pub(super) mod on_device;
 mod outcome;
+mod planning;
 mod session;
 pub(super) mod step;
 
@@ -235,7 +236,9 @@ impl Baker {
         self.turns_at = t;
     }
 
-    /// What `camera` sees is put right first; without one, all surfaces count the same. The map that it comes to is the same.
+    /// What `camera` sees is put right first, by the pixels that it takes: the map is divided into what is seen and the rest, and
+    /// updates of what shows most are done there before they are done elsewhere. Without one, all surfaces count the same. The map that
+    /// it comes to is the same.
     pub fn look_from(&mut self, camera: Option<&Camera>) {
         self.brightness.look_from(camera);
         self.camera = camera.cloned();

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::eye::Eye;
 use super::schedule::Held;
-use super::sight::{Both, Division};
+use super::sight::{Both, Division, missed};
 use super::towards::{Towards, towards};
 use crate::bake::device::records::Region;
 use crate::bake::world::versions::Version;
@@ -222,7 +222,7 @@ fn norms(
             _ => light.normal.dot(direction).max(0.0) * arriving * weight / PI,
         });
     }
-    sums.map(|sum| (sum / f64::from(RAYS)).sqrt())
+    missed(sums, RAYS).map(|sum| (sum / f64::from(RAYS)).sqrt())
 }
 
 #[cfg(test)]

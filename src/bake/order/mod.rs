@@ -3,6 +3,7 @@
 pub(super) mod brightness;
 mod estimate;
 pub(super) mod eye;
+pub(super) mod parts;
 pub(super) mod plan;
 pub(super) mod schedule;
 pub(super) mod sight;

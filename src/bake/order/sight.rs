@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::eye::{ASPECT, PICTURE};
+use super::eye::{ASPECT, PICTURE, UNSEEN};
 use crate::bake::device::records::Parts;
 use crate::lightmap::texels::Texels;
 use crate::lightmap::{Atlas, Texel, sample};
@@ -197,6 +197,13 @@ pub(in crate::bake) fn norm_in(parts: Parts, norms: Both) -> f64 {
     held.map(|(_, norm)| norm * norm).sum::<f64>().sqrt()
 }
 
+/// Sums of rays' squares in both parts; in the rest no less than half a ray's that is like those which met what is seen: that so many
+/// rays did not meet it does not say that no light does.
+pub(super) fn missed([seen, rest]: Both, rays: u32) -> Both {
+    let ray = f64::from(UNSEEN) * seen / f64::from(rays);
+    [seen, rest.max(0.5 * ray)]
+}
+
 /// The map in two parts: what was seen when it was divided, and the rest. Places belong to the part of the tile that they lie in.
 #[derive(Clone, Copy)]
 pub(in crate::bake) struct Division<'a> {
@@ -217,6 +224,14 @@ impl Division<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rays_that_met_nothing_of_the_rest_leave_it_a_little() {
+        let [seen, rest] = missed([8.0, 0.0], 4);
+        assert_eq!(seen, 8.0);
+        assert!(rest > 0.0 && rest < 0.5 * f64::from(UNSEEN) * seen);
+        assert_eq!(missed([8.0, 3.0], 4), [8.0, 3.0]);
+    }
 
     #[test]
     fn rays_meet_boxes_where_they_enter_them() {

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::estimate::{intercepted, shown};
 use super::eye::Eye;
-use super::sight::{Both, Division};
+use super::sight::{Both, Division, missed};
 use crate::bake::device::records::Region;
 use crate::cluster::{Shape, VirtualLight};
 use crate::scene::Scene;
@@ -124,7 +124,7 @@ fn sample(
     }
     Sampled {
         arrives: sum.arrives / f64::from(RAYS),
-        shows: sum.shows.map(|shows| shows / f64::from(RAYS)),
+        shows: missed(sum.shows, RAYS).map(|shows| shows / f64::from(RAYS)),
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub(super) mod accumulate;
 mod depth_blocks;
+mod depth_clear;
 pub(super) mod residual;
 pub(super) mod shadow;
 mod shadow_groups;

@@ -4,12 +4,14 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::depth_blocks::BlockPass;
+use super::depth_clear::KeepPass;
+pub(in crate::bake) use super::depth_clear::KeptMap;
 use super::shadow_groups::{GroupPass, Standing, Uploaded};
 use crate::bake::device::list::Heads;
 use crate::bake::device::pool::grow;
 use crate::bake::device::records::View;
 use crate::bake::device::shaders;
-use crate::bake::device::shared::{BATCH, CHUNK, GROUP, KEPT_BESIDE, VIEW_HEMICUBE};
+use crate::bake::device::shared::{BATCH, CHUNK, GROUP, VIEW_HEMICUBE};
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::world::occluders::Occluders;
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
@@ -30,7 +32,7 @@ pub(in crate::bake) struct ShadowPass {
     /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone; for views without
     /// limits, and with.
     cull: [[Pipeline; 4]; 2],
-    clear: Pipeline,
+    keep: KeepPass,
     groups: GroupPass,
     blocks: BlockPass,
     /// For whole triangles, and for those with cutouts.
@@ -52,22 +54,6 @@ pub(in crate::bake) struct Maps<'a> {
     pub kept: &'a [KeptMap<'a>],
     /// [`ShadowPass::blocks`] will be asked for.
     pub blocks: bool,
-}
-
-/// Where the map of a view is kept.
-pub(in crate::bake) struct KeptMap<'a> {
-    /// Index of the view.
-    pub view: u32,
-    pub buffer: &'a Buffer,
-    /// Bytes before it.
-    pub at: u64,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct ClearPush {
-    views: Address,
-    depth: Address,
 }
 
 /// Which chunks are drawn.
@@ -195,7 +181,7 @@ impl ShadowPass {
         };
         Ok(Self {
             cull: [culls(0)?, culls(1)?],
-            clear: gpu.pipeline(shaders::DEPTH_CLEAR, &[])?,
+            keep: KeepPass::new(gpu)?,
             blocks: BlockPass::new(gpu)?,
             groups: GroupPass::new(gpu)?,
             drawings: [false, true].map(|masked| Drawing { masked, made: None }),
@@ -276,7 +262,8 @@ impl ShadowPass {
         (0..3).for_each(|i| self.drawn[i] += new[i]);
         cmd.upload(&self.views, 0, views)?;
         cmd.fill(&self.depth, 0, elements * 4, 0);
-        self.fetch(cmd, views, kept);
+        self.keep
+            .fetch(cmd, (&self.depth, &self.views), views, kept);
         let uploaded = Uploaded {
             at: self.views.address(),
             count: views.len() as u32,
@@ -305,44 +292,9 @@ impl ShadowPass {
         Ok(())
     }
 
-    /// Copies kept maps to where they are looked up, and clears what of them is drawn anew.
-    fn fetch(&self, cmd: &mut Commands, views: &[View], kept: &[KeptMap]) {
-        if kept.is_empty() {
-            return;
-        }
-        cmd.barrier(Stage::Transfer, Stage::Transfer);
-        cmd.scope("shadow fetch", |cmd| {
-            for map in kept {
-                let to = u64::from(views[map.view as usize].offset) * 4;
-                let bytes = pixels(&views[map.view as usize]) * 4;
-                cmd.copy(map.buffer, map.at, &self.depth, to, bytes);
-            }
-            if views.iter().any(|v| v.kept == KEPT_BESIDE) {
-                cmd.barrier(Stage::Transfer, Stage::Compute);
-                let most = views.iter().map(pixels).max().unwrap_or(0) as u32;
-                let push = ClearPush {
-                    views: self.views.address(),
-                    depth: self.depth.address(),
-                };
-                cmd.dispatch(&self.clear, &push, [most, views.len() as u32, 1]);
-                cmd.barrier(Stage::Compute, Stage::Compute);
-            }
-        });
-    }
-
     /// Copies maps drawn last to where they are kept.
     pub(in crate::bake) fn keep(&self, cmd: &mut Commands, views: &[View], maps: &[KeptMap]) {
-        if maps.is_empty() {
-            return;
-        }
-        cmd.barrier(Stage::All, Stage::Transfer);
-        cmd.scope("shadow keep", |cmd| {
-            for map in maps {
-                let from = u64::from(views[map.view as usize].offset) * 4;
-                let bytes = pixels(&views[map.view as usize]) * 4;
-                cmd.copy(&self.depth, from, map.buffer, map.at, bytes);
-            }
-        });
+        KeepPass::store(cmd, &self.depth, views, maps);
     }
 
     /// Copies what is drawn so far, which stands in both versions of a light, to the views that show it in the other version.
@@ -443,7 +395,7 @@ fn limited(views: &[View]) -> usize {
 }
 
 /// Pixels of a view's depth map.
-fn pixels(view: &View) -> u64 {
+pub(super) fn pixels(view: &View) -> u64 {
     let faces = if view.kind == VIEW_HEMICUBE { 3 } else { 1 };
     faces * u64::from(view.size) * u64::from(view.size)
 }

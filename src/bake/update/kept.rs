@@ -3,7 +3,8 @@
 
 use std::collections::HashMap;
 
-use super::{Pending, Sign};
+use super::Sign;
+use super::pending::Pending;
 use crate::bake::device::records::{Parts, Version};
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Buffer, Gpu, Memory};

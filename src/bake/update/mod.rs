@@ -3,6 +3,7 @@
 
 mod allowance;
 mod kept;
+mod pending;
 mod sending;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -24,6 +25,7 @@ use crate::lightmap::texels::Texels;
 use crate::scene::Scene;
 use allowance::{Allowance, Costs, Counts};
 use kept::{Keeping, KeptMaps};
+use pending::Pending;
 
 /// Depth pixels of one batch: 256 MiB.
 const DEPTH_ELEMENTS: u64 = 64 << 20;
@@ -36,40 +38,6 @@ pub enum Sign {
     Add,
     /// Its light goes, bit for bit as it came.
     Subtract,
-}
-
-/// A light on its way to the device.
-#[derive(Clone, Debug)]
-struct Pending {
-    light: VirtualLight,
-    /// What becomes of it in its version, if it comes or goes as a whole.
-    sign: Sign,
-    version: Version,
-    /// The version that a difference takes it away from; the same where the whole light comes or goes.
-    other: Version,
-    /// Of the map, which it is to reach.
-    parts: Parts,
-    /// The number of the update that it is part of.
-    update: u64,
-    keeping: Keeping,
-}
-
-impl Pending {
-    /// Which passes evaluate it: those for indirect lights, or for direct ones.
-    fn queue(&self) -> usize {
-        usize::from(self.light.direct)
-    }
-
-    /// What it takes, as [`Costs`] counts.
-    fn kind(&self) -> usize {
-        let how = match (self.version != self.other, self.keeping.load) {
-            (true, _) => allowance::DIFFERENCE,
-            (false, Some(_)) => allowance::FETCHED,
-            (false, None) => allowance::DRAWN,
-        };
-        let part = Parts::EACH.iter().position(|part| *part == self.parts);
-        self.queue() + 2 * how + 6 * part.map_or(0, |part| part + 1)
-    }
 }
 
 /// Lights that fill batches of their own, because other passes evaluate them.

@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use super::allowance::{Allowance, Counts};
 use super::kept::Keeping;
-use super::{Flight, Illumination, Pending, Sign};
+use super::pending::Pending;
+use super::{Flight, Illumination, Sign};
 use crate::bake::device::records::{self, Region, Surroundings};
 use crate::bake::device::shared::{BATCH, KEPT_ALL, KEPT_BESIDE, KEPT_BOTH, KEPT_NOTHING};
 use crate::bake::passes::accumulate::Batch;

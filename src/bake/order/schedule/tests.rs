@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::*;
 use crate::bake::order::brightness::Brightness;
+use crate::bake::order::parts::{join, seen_first};
 use crate::bake::order::plan::Plan;
 use crate::cluster::Shape;
 
