@@ -74,9 +74,10 @@ fn held(baker: &Baker) -> [usize; 2] {
     [HOST.current_usage(), device as usize]
 }
 
-/// Plays rounds, each of which leaves the scene as it found it: bytes on the host and on the device must stay what they are
-/// after the first ones.
-fn holds(what: &str, count: usize, mut round: impl FnMut(&mut Baker)) {
+/// Plays rounds, each of which leaves the scene as it found it: what they hold on the host and on the device must not grow after the
+/// first ones, but in so many of them as `peaks` says, by how many versions of the scene a round happens to need at once. What leaks
+/// grows in every one.
+fn holds(what: &str, count: usize, peaks: usize, mut round: impl FnMut(&mut Baker)) {
     let alone = COUNTING.lock().unwrap_or_else(|e| e.into_inner());
     let mut baker = baker();
     let mut bytes = Vec::with_capacity(count);
@@ -87,16 +88,18 @@ fn holds(what: &str, count: usize, mut round: impl FnMut(&mut Baker)) {
     }
     drop((baker, alone));
     println!("{what}: {bytes:?}");
-    let [[host, device], [last, last_device]] = [bytes[SETTLED - 1], bytes[count - 1]];
-    assert_eq!(
-        device, last_device,
-        "{what}: the device's memory: {bytes:?}"
-    );
     // The libraries' queues grow by a block now and then; a single tile of texels a round is more than all of that.
-    assert!(
-        last <= host + 20_000,
-        "{what}: the host's memory: {bytes:?}"
-    );
+    for (place, slack) in [("host", 20_000), ("device", 0)] {
+        let held = bytes.iter().map(|b| b[usize::from(place == "device")]);
+        let mut most = held.clone().take(SETTLED).max().unwrap();
+        let mut grown = 0;
+        for held in held.skip(SETTLED) {
+            if held > most + slack {
+                (most, grown) = (held, grown + 1);
+            }
+        }
+        assert!(grown <= peaks, "{what}: the {place}'s memory: {bytes:?}");
+    }
 }
 
 #[test]
@@ -113,7 +116,7 @@ fn what_an_undone_edit_brought_is_given_back() {
         let Command::Edit(edit) = Command::parse(line).unwrap() else {
             panic!("{line} is no edit");
         };
-        holds(line, 8, |baker| {
+        holds(line, 8, 0, |baker| {
             baker.apply(&edit, folder.path()).unwrap();
             baker.step(Limit::Converged).unwrap();
             baker.undo().unwrap();
@@ -162,7 +165,7 @@ proptest! {
     fn what_undone_edits_brought_is_given_back(steps in steps(1..12)) {
         let folder = tempfile::tempdir().unwrap();
         write_chair(folder.path());
-        holds(&format!("{} steps", steps.len()), 12, |baker| {
+        holds(&format!("{} steps", steps.len()), 30, 1, |baker| {
             let mut depth = 0;
             for (i, step) in steps.iter().enumerate() {
                 let document = baker.document().clone();
