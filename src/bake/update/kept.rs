@@ -3,8 +3,7 @@
 
 use std::collections::HashMap;
 
-use super::Sign;
-use super::pending::Pending;
+use super::pending::{Pending, Sign};
 use crate::bake::device::records::{Parts, Version};
 use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Buffer, Gpu, Memory};

@@ -25,29 +25,13 @@ use crate::lightmap::texels::Texels;
 use crate::scene::Scene;
 use allowance::{Allowance, Costs, Counts};
 use kept::{Keeping, KeptMaps};
-use pending::Pending;
+pub use pending::Sign;
+use pending::{Pending, Queue};
 
 /// Depth pixels of one batch: 256 MiB.
 const DEPTH_ELEMENTS: u64 = 64 << 20;
 /// Lights of the first submission there, before anything is known.
 const FIRST_BATCH: usize = 4;
-/// Whether a light's contribution is added or taken away.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sign {
-    /// Its light comes.
-    Add,
-    /// Its light goes, bit for bit as it came.
-    Subtract,
-}
-
-/// Lights that fill batches of their own, because other passes evaluate them.
-#[derive(Default)]
-struct Queue {
-    pending: Vec<Pending>,
-    /// Batches of the other queue that were sent since.
-    waited: u32,
-}
-
 /// The device side of a bake: occluders, receivers, passes, and the sums they work on.
 pub struct Illumination {
     gpu: Gpu,

@@ -1,10 +1,18 @@
 //! Lights on their way to the device, and what they will take there.
 
-use super::Sign;
 use super::allowance;
 use super::kept::Keeping;
 use crate::bake::device::records::{Parts, Version};
 use crate::cluster::VirtualLight;
+
+/// Whether a light's contribution is added or taken away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Its light comes.
+    Add,
+    /// Its light goes, bit for bit as it came.
+    Subtract,
+}
 
 /// A light on its way to the device.
 #[derive(Clone, Debug)]
@@ -38,4 +46,12 @@ impl Pending {
         let part = Parts::EACH.iter().position(|part| *part == self.parts);
         self.queue() + 2 * how + 6 * part.map_or(0, |part| part + 1)
     }
+}
+
+/// Lights that fill batches of their own, because other passes evaluate them.
+#[derive(Default)]
+pub(super) struct Queue {
+    pub pending: Vec<Pending>,
+    /// Batches of the other queue that were sent since.
+    pub waited: u32,
 }

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use super::allowance::{Allowance, Counts};
 use super::kept::Keeping;
-use super::pending::Pending;
-use super::{Flight, Illumination, Sign};
+use super::pending::{Pending, Sign};
+use super::{Flight, Illumination};
 use crate::bake::device::records::{self, Region, Surroundings};
 use crate::bake::device::shared::{BATCH, KEPT_ALL, KEPT_BESIDE, KEPT_BOTH, KEPT_NOTHING};
 use crate::bake::passes::accumulate::Batch;
