@@ -295,6 +295,7 @@ fn a_replay_is_the_bake_of_the_scene_it_wrote() {
         "convergence.png",
         "preview.png",
         "snapshot_000_0.exr",
+        "snapshot_002_0.exr",
     ] {
         assert!(!read(&replayed, file).is_empty());
     }

@@ -99,6 +99,12 @@ impl Journal {
         }
     }
 
+    /// Updates that it keeps.
+    #[cfg(test)]
+    pub(in crate::bake) fn len(&self) -> usize {
+        self.0.as_ref().map_or(0, |pages| pages.entries.len())
+    }
+
     /// Ends it and hands over what it kept.
     pub(in crate::bake) fn end(&mut self) -> Vec<Entry> {
         self.0.take().map_or_else(Vec::new, |pages| pages.entries)

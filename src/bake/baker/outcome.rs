@@ -18,11 +18,18 @@ use crate::transport::paths::PathSet;
 impl Baker {
     /// Tiles of the objects that are there, in the objects' order: as a fresh bake lists them.
     pub(in crate::bake) fn live_tiles(&self) -> impl Iterator<Item = Range<usize>> {
+        self.object_texels()
+            .filter_map(|(range, there)| there.then_some(range))
+    }
+
+    /// The texels of every object that ever was, whole tiles of them, and whether it is there.
+    pub(in crate::bake) fn object_texels(&self) -> impl Iterator<Item = (Range<usize>, bool)> {
         let scene = self.editor.scene();
-        (0u32..)
-            .zip(&self.texels.tiles)
-            .filter(|(o, _)| (*o as usize) < scene.objects.len() && !scene.is_gone(*o))
-            .map(|(_, t)| t.start as usize * Texel::TILE..t.end as usize * Texel::TILE)
+        (0u32..).zip(&self.texels.tiles).map(|(o, t)| {
+            let there = (o as usize) < scene.objects.len() && !scene.is_gone(o);
+            let range = t.start as usize * Texel::TILE..t.end as usize * Texel::TILE;
+            (range, there)
+        })
     }
 
     /// Texels of the objects that are there.

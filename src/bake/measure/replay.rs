@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use super::convergence::First;
 use crate::bake::baker::Baker;
 use crate::bake::baker::step::Limit;
 use crate::bake::job::BakeError;
@@ -49,6 +50,11 @@ pub struct Step {
     pub rms: f64,
     /// The same over a picture's pixels, what is seen from a camera: 0 if that sees nothing.
     pub viewport: f64,
+    /// The mean of the map over all texels and channels afterwards, lux.
+    pub mean: f64,
+    /// How far a texel is at most outside of what lies between its first value and its final one, afterwards, lux: what an edit
+    /// that only takes light away, or only adds some, should never show.
+    pub beyond: f64,
 }
 
 /// What a script did.
@@ -60,8 +66,12 @@ pub struct Replay {
     pub initial_rms: f64,
     /// As [`Step::viewport`].
     pub initial_viewport: f64,
+    /// The mean of the first map, as [`Step::mean`].
+    pub initial_mean: f64,
     /// The mean of the final map over all texels and channels, lux.
     pub mean: f64,
+    /// The most of [`Step::beyond`].
+    pub beyond: f64,
     /// Update by update.
     #[serde(skip)]
     pub steps: Vec<Step>,
@@ -110,6 +120,10 @@ impl Baker {
         look: &mut dyn FnMut(&mut Self, f64) -> Result<(), BakeError>,
     ) -> Result<Replay, ScriptError> {
         self.look_from(options.camera.as_ref());
+        let first = First::new(self).map_err(|e| ScriptError {
+            line: 0,
+            cause: Box::new(e.into()),
+        })?;
         self.journal().begin();
         let start = Instant::now();
         let before = self.illumination.lights_sent();
@@ -149,8 +163,8 @@ impl Baker {
         let seconds = start.elapsed().as_secs_f64();
         let lights = self.illumination.lights_sent() - before;
         let entries = self.journal().end();
-        let walked = self.convergence(entries, options.camera.as_ref());
-        let (initial, mean, steps) = walked.map_err(|e| ScriptError {
+        let walked = self.convergence(entries, &first, options.camera.as_ref());
+        let (initial, steps) = walked.map_err(|e| ScriptError {
             line: last,
             cause: Box::new(e.into()),
         })?;
@@ -158,7 +172,9 @@ impl Baker {
             script: played,
             initial_rms: initial.rms,
             initial_viewport: initial.viewport,
-            mean,
+            initial_mean: initial.mean,
+            mean: steps.last().map_or(initial.mean, |step| step.mean),
+            beyond: steps.iter().map(|s| s.beyond).fold(0.0, f64::max),
             updates: steps.len() as u64,
             steps,
             seconds,

@@ -9,6 +9,7 @@ use crate::gpu::{Address, Buffer, Gpu, Memory, Pipeline, Result, Stage};
 /// A state of the sums, kept on the device to compare with.
 pub(in crate::bake) struct Residual {
     target: Buffer,
+    first: Option<Buffer>,
     weights: Buffer,
     residuals: Buffer,
     pipeline: Pipeline,
@@ -20,6 +21,7 @@ pub(in crate::bake) struct Residual {
 struct Push {
     sums: Address,
     target: Address,
+    first: Address,
     weights: Address,
     residuals: Address,
     tile_count: u32,
@@ -27,11 +29,12 @@ struct Push {
 }
 
 impl Residual {
-    /// Keeps what the sums are now, of `tiles` tiles. `weights`: by texel.
+    /// Keeps what the sums are now, of `tiles` tiles. `first`: what they were once, else what they are now. `weights`: by texel.
     pub(in crate::bake) fn new(
         gpu: &Gpu,
         pass: &AccumulatePass,
         tiles: u32,
+        first: Option<&[i64]>,
         weights: &[f32],
     ) -> Result<Self> {
         let size = pass.sums().size();
@@ -44,27 +47,31 @@ impl Residual {
         let bytes = std::mem::size_of_val(weights) as u64;
         let kept = gpu.buffer("viewport weights", bytes, Memory::Device)?;
         kept.write(0, weights)?;
+        let first = first.map(|sums| gpu.buffer_with("first sums", sums));
         Ok(Self {
             target,
+            first: first.transpose()?,
             weights: kept,
-            residuals: gpu.buffer("residuals", u64::from(tiles) * 8, Memory::Device)?,
+            residuals: gpu.buffer("residuals", u64::from(tiles) * 16, Memory::Device)?,
             pipeline: gpu.pipeline(shaders::RESIDUAL, &[])?,
             tiles,
         })
     }
 
-    /// Per tile, the sum of squared differences over its 192 values, lux², and the same by weight.
+    /// Per tile, the sum of squared differences over its 192 values, lux², the same by weight, the sum of the values, lux, and how
+    /// far one is at most outside of what lies between the first sums and the kept ones, lux.
     pub(in crate::bake) fn measure(
         &self,
         gpu: &Gpu,
         pass: &AccumulatePass,
-    ) -> Result<Vec<[f32; 2]>> {
+    ) -> Result<Vec<[f32; 4]>> {
         let mut cmd = gpu.commands()?;
         cmd.barrier(Stage::All, Stage::Compute);
         cmd.scope("residual", |cmd| {
             let push = Push {
                 sums: pass.sums().address(),
                 target: self.target.address(),
+                first: self.first.as_ref().unwrap_or(&self.target).address(),
                 weights: self.weights.address(),
                 residuals: self.residuals.address(),
                 tile_count: self.tiles,

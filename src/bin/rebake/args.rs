@@ -101,7 +101,7 @@ pub struct Replay {
     /// Write so many lightmaps along the way, evenly over the time
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub snapshots: u32,
-    /// Milliseconds of updates between two looks at the map, as a viewer's frame has them
+    /// Milliseconds of updates between two looks at the map, as a viewer's frame has them [default: as long as a line waits; 33 with --snapshots]
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub frame_ms: Option<f32>,
     /// Share of invalid flux at which balancing may have half of the work

@@ -15,6 +15,9 @@ use super::args::{self, Args};
 use super::bake;
 use super::console::{Console, print};
 
+/// Milliseconds of updates between two looks at the map, where snapshots are wanted and nobody says how many.
+const SNAPSHOT_FRAME_MS: f32 = 33.0;
+
 pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Result<()> {
     let console = Console::new(args);
     let script = read(&command.script, command.keep_going)?;
@@ -35,7 +38,11 @@ pub fn run(args: &Args, command: &args::Replay, start: Instant) -> anyhow::Resul
     });
     let options = ReplayOptions {
         keep_going: command.keep_going,
-        frame: command.frame_ms.map(|ms| Duration::from_secs_f32(ms / 1e3)),
+        // Without a look now and then there is nothing to keep.
+        frame: command
+            .frame_ms
+            .or((command.snapshots > 0).then_some(SNAPSHOT_FRAME_MS))
+            .map(|ms| Duration::from_secs_f32(ms / 1e3)),
         camera: command.camera.map(|[x, y, z, to_x, to_y, to_z]| {
             Camera::looking(Vec3::new(x, y, z), Vec3::new(to_x, to_y, to_z))
         }),
@@ -140,17 +147,22 @@ pub fn read(path: &Path, keep_going: bool) -> anyhow::Result<Vec<(usize, Command
 /// convergence.csv: a line an update.
 fn csv(replay: &Replay) -> String {
     let mut out = String::from(
-        "update,seconds,kind,cell,lights subtracted,lights added,lights limited,invalid flux [lm],RMS [lux],RMS share,viewport RMS [lux],viewport share\n",
+        "update,seconds,kind,cell,lights subtracted,lights added,lights limited,invalid flux [lm],RMS [lux],RMS share,viewport RMS [lux],viewport share,mean [lux],beyond both ends [lux]\n",
     );
     let share = |rms: f64, first: f64| if first > 0.0 { rms / first } else { 0.0 };
-    let tail = |rms: f64, viewport: f64| {
+    let tail = |rms: f64, viewport: f64, mean: f64, beyond: f64| {
         format!(
-            "{rms:.9},{:.9},{viewport:.9},{:.9}\n",
+            "{rms:.9},{:.9},{viewport:.9},{:.9},{mean:.9},{beyond:.9}\n",
             share(rms, replay.initial_rms),
             share(viewport, replay.initial_viewport)
         )
     };
-    let first = tail(replay.initial_rms, replay.initial_viewport);
+    let first = tail(
+        replay.initial_rms,
+        replay.initial_viewport,
+        replay.initial_mean,
+        0.0,
+    );
     out.push_str(&format!("0,0,,,0,0,0,,{first}"));
     for (number, step) in (1..).zip(&replay.steps) {
         let Step {
@@ -162,12 +174,14 @@ fn csv(replay: &Replay) -> String {
             invalid_flux,
             rms,
             viewport,
+            mean,
+            beyond,
             ..
         } = step;
         let kind = step.kind.name();
         out.push_str(&format!(
             "{number},{seconds:.6},{kind},{cell},{subtracted},{added},{limited},{invalid_flux:.6},{}",
-            tail(*rms, *viewport)
+            tail(*rms, *viewport, *mean, *beyond)
         ));
     }
     out
