@@ -6,7 +6,8 @@
 Without --scene the scene is the built-in one that a script's name begins with. Shares are of the RMS difference from the converged map in
 what a camera sees (VIEWS, or the scene's own) before the first update; a second share is of all texels, and a third that of a full rebake at
 the same moment, which begins with a dark map. `95 % gone` is the moment after which the share stays below 5 %; `full rebake` is the time
-that a rebake of the edited scene needs from its first light to the same map. --plots keeps the curves as SCRIPT.png. Needs nothing but Python.
+that a rebake of the edited scene needs from its first light to the same map. The second table ends with how far the mean, and single texels, leave on
+the way what lies between their first and last values: flicker, where an edit only dims. --plots keeps the curves as SCRIPT.png. Needs nothing but Python.
 """
 
 import argparse
@@ -127,7 +128,18 @@ def row_of_updates(name, report, bake, rows):
         f"{evaluated / updates:.1f} + {limited / updates:.1f}",
         f"{1e3 * seconds / max(evaluated + 2 * limited, 1):.1f}",
         f"{seconds:.1f}",
+        *strays(replay, rows),
     ]
+
+
+def strays(replay, rows):
+    """How far means and texels leave what lies between their first and last values: the mean at most, shares of the larger mean."""
+    means = [float(r["mean [lux]"]) for r in rows]
+    low, high = sorted((means[0], means[-1]))
+    most = max(high, 1e-30)
+    beyond = [float(r["beyond both ends [lux]"]) / most for r in rows]
+    outside = max(max(means) - high, low - min(means), 0) / most
+    return f"{100 * outside:.2f}", f"{100 * max(beyond):.1f}", str(sum(b > 0.02 for b in beyond))
 
 
 HEAD_OF_UPDATES = [
@@ -144,6 +156,9 @@ HEAD_OF_UPDATES = [
     "lights an update: whole + limited",
     "ms a light",
     "converged s",
+    "mean outside of both ends %",
+    "a texel at most, % of the mean",
+    "updates with one more than 2 %",
 ]
 
 

@@ -6,5 +6,6 @@ mod depth_blocks;
 mod depth_clear;
 pub(super) mod residual;
 pub(super) mod shadow;
+mod shadow_draw;
 mod shadow_groups;
 pub mod uv_raster;

@@ -1,25 +1,21 @@
-//! Depth maps of a batch of lights: cull chunks per face, draw small triangles, then large ones; first those chunks that hide
-//! much, then what they do not hide.
+//! Depth maps of a batch of lights: cull chunks per face, draw what is left of them; first those chunks that hide much, then what
+//! they do not hide.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::depth_blocks::BlockPass;
 use super::depth_clear::KeepPass;
 pub(in crate::bake) use super::depth_clear::KeptMap;
+use super::shadow_draw::{CHUNKS, Drawing, LARGE};
 use super::shadow_groups::{GroupPass, Standing, Uploaded};
 use crate::bake::device::list::Heads;
-use crate::bake::device::pool::grow;
 use crate::bake::device::records::View;
 use crate::bake::device::shaders;
-use crate::bake::device::shared::{BATCH, CHUNK, GROUP, VIEW_HEMICUBE};
+use crate::bake::device::shared::{BATCH, GROUP, VIEW_HEMICUBE};
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::world::occluders::Occluders;
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
 
-/// Entries of the list of large triangles; what does not fit is drawn, more slowly, by the pass for small ones.
-const LARGE_CAPACITY: u32 = 1 << 20;
-/// Pixels of a triangle's bounding rectangle up to which it counts as small.
-const SMALL_PIXELS: u32 = 96;
 /// Pixels that a chunk's triangles cover on average if it is drawn before it is told what is hidden.
 const FIRST_PIXELS: f32 = 4.0;
 /// Scenes of fewer chunks are drawn at once.
@@ -65,20 +61,6 @@ enum Which {
     Own,
 }
 
-/// The passes and lists for one kind of triangle; made when the first one comes.
-struct Drawing {
-    masked: bool,
-    made: Option<Made>,
-}
-
-struct Made {
-    /// For views without limits, and with.
-    small: [Pipeline; 2],
-    large: [Pipeline; 2],
-    list: Buffer,
-    large_list: Buffer,
-}
-
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct CullPush {
@@ -89,77 +71,6 @@ struct CullPush {
     list: Address,
     head: Address,
     blocks: Address,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct SmallPush {
-    triangles: Address,
-    chunks: Address,
-    views: Address,
-    list: Address,
-    head: Address,
-    large: Address,
-    large_head: Address,
-    depth: Address,
-    cutouts: Address,
-    bits: Address,
-    large_capacity: u32,
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct LargePush {
-    triangles: Address,
-    views: Address,
-    large: Address,
-    large_head: Address,
-    depth: Address,
-    cutouts: Address,
-    bits: Address,
-    large_capacity: u32,
-}
-
-/// Lists, of whole triangles and of masked ones.
-const CHUNKS: [u32; 2] = [0, 1];
-const LARGE: [u32; 2] = [2, 3];
-
-impl Drawing {
-    /// Ready to draw from among `chunks`.
-    fn ready(&mut self, gpu: &Gpu, cmd: &mut Commands, chunks: u32) -> Result<&Made> {
-        let entries = u64::from(chunks) * 5 * MAX_VIEWS * 8;
-        let mut made = match self.made.take() {
-            Some(made) => made,
-            None => {
-                // A SIMD register of lavapipe, where every invocation reads a view by itself, so that several triangles share the
-                // reading; elsewhere what runs together, and a triangle an invocation.
-                let [lanes, small] = match gpu.info().kind {
-                    "CPU" => [8, 8],
-                    _ => [32, CHUNK],
-                };
-                let large_bytes = u64::from(LARGE_CAPACITY) * 8;
-                let masked = self.masked.into();
-                let smalls = |limited| {
-                    let constants = [SMALL_PIXELS, masked, small, limited];
-                    gpu.pipeline(shaders::SHADOW_SMALL, &constants)
-                };
-                let larges =
-                    |limited| gpu.pipeline(shaders::SHADOW_LARGE, &[masked, lanes, limited]);
-                Made {
-                    small: [smalls(0)?, smalls(1)?],
-                    large: [larges(0)?, larges(1)?],
-                    list: gpu.buffer("shadow chunks", entries, Memory::Device)?,
-                    large_list: gpu.buffer(
-                        "shadow large triangles",
-                        large_bytes,
-                        Memory::Device,
-                    )?,
-                }
-            }
-        };
-        grow(gpu, cmd, &mut made.list, entries)?;
-        Ok(self.made.insert(made))
-    }
 }
 
 impl ShadowPass {
@@ -184,7 +95,7 @@ impl ShadowPass {
             keep: KeepPass::new(gpu)?,
             blocks: BlockPass::new(gpu)?,
             groups: GroupPass::new(gpu)?,
-            drawings: [false, true].map(|masked| Drawing { masked, made: None }),
+            drawings: [Drawing::new(0), Drawing::new(1)],
             heads: Heads::new(gpu, "shadow lists", 4)?,
             views: gpu.buffer(
                 "shadow views",
@@ -322,67 +233,44 @@ impl ShadowPass {
     ) -> Result<()> {
         let limited = limited(views);
         self.heads.clear(cmd);
-        let (views_at, depth) = (self.views.address(), self.depth.address());
+        let maps = (self.views.address(), self.depth.address());
         let mut drawings = Vec::new();
-        for ((kind, drawing), chunks) in (0..)
-            .zip(&mut self.drawings)
+        for (drawing, chunks) in self
+            .drawings
+            .iter_mut()
             .zip([&occluders.whole, &occluders.masked])
         {
             if chunks.count() > 0 {
-                drawings.push((kind, drawing.ready(gpu, cmd, chunks.count())?, chunks));
+                drawings.push(drawing.ready(gpu, cmd, chunks)?);
             }
         }
         cmd.barrier(Stage::Transfer, Stage::Compute);
         cmd.scope("shadow cull", |cmd| {
-            for (kind, made, chunks) in &drawings {
+            for drawing in &drawings {
                 let push = CullPush {
-                    chunks: chunks.chunks.address(),
-                    groups: chunks.groups.address(),
-                    views: views_at,
-                    from: self.groups.list(*kind, standing),
-                    list: made.list.address(),
-                    head: self.heads.address(CHUNKS[*kind]),
+                    chunks: drawing.chunks.chunks.address(),
+                    groups: drawing.chunks.groups.address(),
+                    views: maps.0,
+                    from: self.groups.list(drawing.kind, standing),
+                    list: drawing.made.list.address(),
+                    head: self.heads.address(CHUNKS[drawing.kind]),
                     blocks: self.blocks.found(),
                 };
                 let pipeline = &self.cull[limited][which as usize];
-                self.groups.dispatch(cmd, pipeline, &push, *kind, standing);
+                self.groups
+                    .dispatch(cmd, pipeline, &push, drawing.kind, standing);
             }
             self.heads.finish(cmd, &CHUNKS);
         });
         cmd.scope("shadow small", |cmd| {
-            for (kind, made, chunks) in &drawings {
-                let push = SmallPush {
-                    triangles: chunks.triangles.address(),
-                    chunks: chunks.chunks.address(),
-                    views: views_at,
-                    list: made.list.address(),
-                    head: self.heads.address(CHUNKS[*kind]),
-                    large: made.large_list.address(),
-                    large_head: self.heads.address(LARGE[*kind]),
-                    depth,
-                    cutouts: chunks.cutouts.address(),
-                    bits: occluders.bits.address(),
-                    large_capacity: LARGE_CAPACITY,
-                };
-                self.heads
-                    .dispatch(cmd, &made.small[limited], &push, CHUNKS[*kind]);
+            for drawing in &drawings {
+                drawing.small(cmd, &self.heads, maps, occluders, limited);
             }
             self.heads.finish(cmd, &LARGE);
         });
         cmd.scope("shadow large", |cmd| {
-            for (kind, made, chunks) in &drawings {
-                let push = LargePush {
-                    triangles: chunks.triangles.address(),
-                    views: views_at,
-                    large: made.large_list.address(),
-                    large_head: self.heads.address(LARGE[*kind]),
-                    depth,
-                    cutouts: chunks.cutouts.address(),
-                    bits: occluders.bits.address(),
-                    large_capacity: LARGE_CAPACITY,
-                };
-                self.heads
-                    .dispatch(cmd, &made.large[limited], &push, LARGE[*kind]);
+            for drawing in &drawings {
+                drawing.large(cmd, &self.heads, maps, occluders, limited);
             }
         });
         Ok(())
