@@ -17,11 +17,12 @@ layout(constant_id = 1) const bool MASKED = false;
 layout(constant_id = 3) const bool LIMITED = false;
 
 layout(push_constant, scalar) uniform Push {
-    Triangles triangles;
     Chunks chunks;
-    Views views;
     Pairs list;
     ListHeads head;
+    // From here on as in shadow_large.comp.
+    Triangles triangles;
+    Views views;
     Pairs large;
     ListHeads large_head;
     Uints depth;

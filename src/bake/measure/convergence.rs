@@ -305,7 +305,7 @@ mod tests {
             .live_tiles()
             .flat_map(|texels| 3 * texels.start..3 * texels.end)
             .collect();
-        assert!(values.len() < length && values.len() % (3 * Texel::TILE) == 0);
+        assert!(values.len() < length && values.len().is_multiple_of(3 * Texel::TILE));
         let mut most = 0.0;
         assert!(frames.len() > 20);
         for (updates, frame) in &frames[1..] {

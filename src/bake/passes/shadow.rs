@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use super::depth_blocks::BlockPass;
 use super::depth_clear::KeepPass;
 pub(in crate::bake) use super::depth_clear::KeptMap;
-use super::shadow_draw::{CHUNKS, Drawing, LARGE};
+use super::shadow_draw::{CHUNKS, Drawing, LARGE, Target};
 use super::shadow_groups::{GroupPass, Standing, Uploaded};
 use crate::bake::device::list::Heads;
 use crate::bake::device::records::View;
@@ -233,7 +233,13 @@ impl ShadowPass {
     ) -> Result<()> {
         let limited = limited(views);
         self.heads.clear(cmd);
-        let maps = (self.views.address(), self.depth.address());
+        let target = Target {
+            heads: &self.heads,
+            occluders,
+            views: self.views.address(),
+            depth: self.depth.address(),
+            limited,
+        };
         let mut drawings = Vec::new();
         for (drawing, chunks) in self
             .drawings
@@ -250,7 +256,7 @@ impl ShadowPass {
                 let push = CullPush {
                     chunks: drawing.chunks.chunks.address(),
                     groups: drawing.chunks.groups.address(),
-                    views: maps.0,
+                    views: target.views,
                     from: self.groups.list(drawing.kind, standing),
                     list: drawing.made.list.address(),
                     head: self.heads.address(CHUNKS[drawing.kind]),
@@ -264,13 +270,13 @@ impl ShadowPass {
         });
         cmd.scope("shadow small", |cmd| {
             for drawing in &drawings {
-                drawing.small(cmd, &self.heads, maps, occluders, limited);
+                drawing.small(cmd, &target);
             }
             self.heads.finish(cmd, &LARGE);
         });
         cmd.scope("shadow large", |cmd| {
             for drawing in &drawings {
-                drawing.large(cmd, &self.heads, maps, occluders, limited);
+                drawing.large(cmd, &target);
             }
         });
         Ok(())

@@ -45,17 +45,10 @@ pub(super) struct Ready<'a> {
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct SmallPush {
-    triangles: Address,
     chunks: Address,
-    views: Address,
     list: Address,
     head: Address,
-    large: Address,
-    large_head: Address,
-    depth: Address,
-    cutouts: Address,
-    bits: Address,
-    large_capacity: u32,
+    both: LargePush,
 }
 
 #[repr(C)]
@@ -121,52 +114,48 @@ impl Made {
     }
 }
 
+/// What chunks are drawn into.
+pub(super) struct Target<'a> {
+    pub heads: &'a Heads,
+    pub occluders: &'a Occluders,
+    pub views: Address,
+    pub depth: Address,
+    /// 1 where some views have limits.
+    pub limited: usize,
+}
+
 impl Ready<'_> {
-    /// Draws small triangles of the listed chunks into maps, views and depths of which lie at `maps`; lists the large ones.
-    /// `limited`: 1 where some views have limits.
-    pub(super) fn small(
-        &self,
-        cmd: &mut Commands,
-        heads: &Heads,
-        (views, depth): (Address, Address),
-        occluders: &Occluders,
-        limited: usize,
-    ) {
+    /// Draws the small triangles of the listed chunks, and lists the large ones.
+    pub(super) fn small(&self, cmd: &mut Commands, target: &Target) {
+        let (heads, list) = (target.heads, CHUNKS[self.kind]);
         let push = SmallPush {
-            triangles: self.chunks.triangles.address(),
             chunks: self.chunks.chunks.address(),
-            views,
             list: self.made.list.address(),
-            head: heads.address(CHUNKS[self.kind]),
-            large: self.made.large_list.address(),
-            large_head: heads.address(LARGE[self.kind]),
-            depth,
-            cutouts: self.chunks.cutouts.address(),
-            bits: occluders.bits.address(),
-            large_capacity: LARGE_CAPACITY,
+            head: heads.address(list),
+            both: self.both(target),
         };
-        heads.dispatch(cmd, &self.made.small[limited], &push, CHUNKS[self.kind]);
+        heads.dispatch(cmd, &self.made.small[target.limited], &push, list);
     }
 
-    /// Draws the large triangles that were listed, as [`Ready::small`].
-    pub(super) fn large(
-        &self,
-        cmd: &mut Commands,
-        heads: &Heads,
-        (views, depth): (Address, Address),
-        occluders: &Occluders,
-        limited: usize,
-    ) {
-        let push = LargePush {
+    /// Draws the large triangles that were listed.
+    pub(super) fn large(&self, cmd: &mut Commands, target: &Target) {
+        let push = self.both(target);
+        let pipeline = &self.made.large[target.limited];
+        target
+            .heads
+            .dispatch(cmd, pipeline, &push, LARGE[self.kind]);
+    }
+
+    fn both(&self, target: &Target) -> LargePush {
+        LargePush {
             triangles: self.chunks.triangles.address(),
-            views,
+            views: target.views,
             large: self.made.large_list.address(),
-            large_head: heads.address(LARGE[self.kind]),
-            depth,
+            large_head: target.heads.address(LARGE[self.kind]),
+            depth: target.depth,
             cutouts: self.chunks.cutouts.address(),
-            bits: occluders.bits.address(),
+            bits: target.occluders.bits.address(),
             large_capacity: LARGE_CAPACITY,
-        };
-        heads.dispatch(cmd, &self.made.large[limited], &push, LARGE[self.kind]);
+        }
     }
 }
