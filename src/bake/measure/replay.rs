@@ -121,7 +121,7 @@ impl Baker {
     ) -> Result<Replay, ScriptError> {
         self.look_from(options.camera.as_ref());
         let first = First::new(self).map_err(|e| ScriptError {
-            line: 0,
+            line: script.first().map_or(0, |(line, _)| *line),
             cause: Box::new(e.into()),
         })?;
         self.journal().begin();

@@ -17,6 +17,14 @@ pub(in crate::bake) struct KeptMap<'a> {
     pub at: u64,
 }
 
+impl KeptMap<'_> {
+    /// Where the view's depths begin among those of all views, and how many they are, bytes.
+    fn place(&self, views: &[View]) -> (u64, u64) {
+        let view = &views[self.view as usize];
+        (u64::from(view.offset) * 4, pixels(view) * 4)
+    }
+}
+
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct ClearPush {
@@ -49,8 +57,7 @@ impl KeepPass {
         cmd.barrier(Stage::Transfer, Stage::Transfer);
         cmd.scope("shadow fetch", |cmd| {
             for map in kept {
-                let to = u64::from(views[map.view as usize].offset) * 4;
-                let bytes = pixels(&views[map.view as usize]) * 4;
+                let (to, bytes) = map.place(views);
                 cmd.copy(map.buffer, map.at, depth, to, bytes);
             }
             if views.iter().any(|v| v.kept == KEPT_BESIDE) {
@@ -74,8 +81,7 @@ impl KeepPass {
         cmd.barrier(Stage::All, Stage::Transfer);
         cmd.scope("shadow keep", |cmd| {
             for map in maps {
-                let from = u64::from(views[map.view as usize].offset) * 4;
-                let bytes = pixels(&views[map.view as usize]) * 4;
+                let (from, bytes) = map.place(views);
                 cmd.copy(depth, from, map.buffer, map.at, bytes);
             }
         });
