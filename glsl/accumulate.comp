@@ -26,7 +26,6 @@ layout(push_constant, scalar) uniform Push {
     Pairs list;
     ListHeads head;
     Views views;
-    Uints depth;
     Sums sums;
     float scale;   // fixed-point units per lux
     float epsilon; // half a texel
@@ -78,15 +77,15 @@ View facing(View front, View back, vec3 p) {
     view.x = behind ? back.x : front.x;
     view.y = behind ? back.y : front.y;
     view.z = behind ? back.z : front.z;
-    view.offset = behind ? back.offset : front.offset;
+    view.depth = behind ? back.depth : front.depth;
     return view;
 }
 
 // Where more than one place of a view is looked at, or which one it is differs among receivers.
 float visibility(float radius, View view, vec3 p, vec3 face, Clearance clearance) {
-    if (FORM == FORM_DIRECTIONAL) return parallel_visibility(depth, view, p, face, clearance, bias);
-    if (SOFT) return soft_visibility(depth, view, p, face, clearance, radius, bias);
-    return visibility(depth, view.offset, sight(view, p, face, clearance, bias));
+    if (FORM == FORM_DIRECTIONAL) return parallel_visibility(view, p, face, clearance, bias);
+    if (SOFT) return soft_visibility(view, p, face, clearance, radius, bias);
+    return visibility(Uints(view.depth), sight(view, p, face, clearance, bias));
 }
 
 // Fixed-point sums of a batch in two halves of 32 bits: 64-bit arithmetic waits until its end. Values beyond 2^49 units
@@ -179,7 +178,7 @@ void main() {
             View back = views.at[light.kind == LIGHT_POINT ? index + 1 : index];
             [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
                 float seen = OWN_VIEW ? visibility(light.radius, facing(front, back, moved[k]), moved[k], faces[k], clearances[k])
-                                      : visibility(depth, front.offset, sights[k]);
+                                      : visibility(Uints(front.depth), sights[k]);
                 add(light.flux, values[k] * seen, times, high[k], low[k]);
             }
             if (++version == versions) break;

@@ -1,6 +1,7 @@
 // What all passes share: extensions, structures (their Rust twins are layout-tested), and small mathematics.
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_control_flow_attributes : require
@@ -100,14 +101,14 @@ struct Group {
 struct View {
     vec3 origin;
     vec3 x, y, z;  // rows of world to local; hemicube: z is the pole
-    uint offset;   // first element in the depth buffer
+    uvec2 depth;   // address of its map (Uints), and behind that of a hemicube the farthest thing in each of its VIEW_BLOCKS (depth_blocks.comp)
     uint size;     // pixels along the edge of the top face; the four side faces are half as high
     uint kind;     // VIEW_*
     float cos_cone; // nothing outside this cone around the pole is asked for
     float coarse;   // how coarse occluders may be (Group.cell), per metre of distance
     uint version;
     uint other;    // the version that its light's other view shows; its own where there is none
-    uint borrows;  // not 0: what stands in both versions is drawn in the view so many before this one, and copied
+    int base;      // not 0: begins as the map of the view so many after this one; or before it, once what stands in both versions is drawn there
     uint kept;     // how much of it was kept from before (KEPT_*): that is not drawn
     // Of each face, of an orthographic map in the first: the rectangle that is asked for, first column and row, last column
     // and row, a byte each, in 256ths of the face. Both versions of an update see the same beside it.

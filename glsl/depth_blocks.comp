@@ -12,8 +12,6 @@ layout(constant_id = 0) const bool LIMITED = false;
 
 layout(push_constant, scalar) uniform Push {
     Views views;
-    Uints depth;
-    Floats blocks; // VIEW_BLOCKS a view: rows of the top face, then of the side faces
 };
 
 void main() {
@@ -22,9 +20,8 @@ void main() {
     if (block >= VIEW_BLOCKS) return;
     uint size = views.at[view].size;
     uint edge = size / BLOCKS;
-    // What cannot be cut into blocks hides nothing, nor what is not asked for.
-    float farthest = 0.0;
-    bool asked = views.at[view].kind == VIEW_HEMICUBE && edge * BLOCKS == size;
+    // What cannot be cut into blocks hides nothing; what was kept, or is not asked for, stays as it began.
+    bool asked = views.at[view].kind == VIEW_HEMICUBE && views.at[view].kept != KEPT_ALL && edge * BLOCKS == size;
     if (LIMITED) {
         uint row = block / BLOCKS, face = row < BLOCKS ? 0 : 1 + (row - BLOCKS) / (BLOCKS / 2);
         uvec2 first = uvec2(block % BLOCKS, face == 0 ? row : (row - BLOCKS) % (BLOCKS / 2)) * edge;
@@ -32,18 +29,18 @@ void main() {
         vec2 low = vec2(first), high = vec2(first + edge - 1);
         asked = asked && all(greaterThanEqual(low, span.first)) && all(lessThanEqual(high, span.last));
     }
-    if (asked) {
-        // Rows of blocks follow each other from face to face as rows of pixels do.
-        uint pixel = views.at[view].offset + (block / BLOCKS * edge) * size + block % BLOCKS * edge;
-        farthest = 1e30;
-        uint column = 0;
-        for (uint left = edge * edge;;) {
-            farthest = min(farthest, uintBitsToFloat(depth.at[pixel + column]));
-            if (--left == 0) break;
-            bool wrap = ++column == edge;
-            column = wrap ? 0 : column;
-            pixel += wrap ? size : 0;
-        }
+    if (!asked) return;
+    Uints depth = Uints(views.at[view].depth);
+    // Rows of blocks follow each other from face to face as rows of pixels do.
+    uint pixel = (block / BLOCKS * edge) * size + block % BLOCKS * edge;
+    float farthest = 1e30;
+    uint column = 0;
+    for (uint left = edge * edge;;) {
+        farthest = min(farthest, uintBitsToFloat(depth.at[pixel + column]));
+        if (--left == 0) break;
+        bool wrap = ++column == edge;
+        column = wrap ? 0 : column;
+        pixel += wrap ? size : 0;
     }
-    blocks.at[view * VIEW_BLOCKS + block] = farthest;
+    depth.at[first_block(size) + block] = floatBitsToUint(farthest);
 }

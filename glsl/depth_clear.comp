@@ -1,5 +1,5 @@
 #version 460
-// Clears what is asked of maps that were kept otherwise: that is drawn anew.
+// Clears what is asked of maps that begin as another version's: that is drawn anew. An invocation takes a row of pixels.
 #extension GL_GOOGLE_include_directive : require
 #include "common.glsl"
 #include "view.glsl"
@@ -8,18 +8,23 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, scalar) uniform Push {
     Views views;
-    Uints depth;
 };
 
 void main() {
-    uint pixel = gl_GlobalInvocationID.x;
-    uint view = gl_GlobalInvocationID.y;
+    uint row = gl_GlobalInvocationID.x;
+    uint view = gl_WorkGroupID.y;
     uint size = views.at[view].size;
-    if (views.at[view].kept != KEPT_BESIDE || pixel >= 3 * size * size) return;
-    uint top = size * size;
-    uint face = pixel < top ? 0 : 1 + (pixel - top) / (top / 2);
-    uint own = pixel - face_offset(face, size);
-    Span span = asked_pixels(views.at[view].asked[face], size, face != 0);
-    vec2 at = vec2(own % size, own / size);
-    if (all(greaterThanEqual(at, span.first)) && all(lessThanEqual(at, span.last))) depth.at[views.at[view].offset + pixel] = 0;
+    uint rows = views.at[view].kind == VIEW_HEMICUBE ? 3 * size : size;
+    if (views.at[view].kept != KEPT_BESIDE || row >= rows) return;
+    uint face = row < size ? 0 : 1 + (row - size) / (size / 2);
+    Span asked = asked_pixels(views.at[view].asked[face], size, face != 0);
+    // Rows follow each other from face to face.
+    float own = float(face == 0 ? row : (row - size) % (size / 2));
+    uint column = uint(asked.first.x);
+    uint end = own >= asked.first.y && own <= asked.last.y ? uint(max(asked.last.x + 1.0, 0.0)) : 0;
+    Uints depth = Uints(views.at[view].depth);
+    for (;;) {
+        if (column >= end) break;
+        depth.at[row * size + column++] = 0;
+    }
 }

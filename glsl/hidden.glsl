@@ -6,7 +6,7 @@ const uint MOST_BLOCKS = 64;
 // Whether a box (centre and half size in a face's axes) lies behind the farthest thing in every block that it touches, of
 // those that are asked for (View.asked, whole blocks), even if it were nearer by the factor `slack`. `whole`: all of it must lie
 // inside the face.
-bool covered(Floats blocks, uint view, uint face, uint asked, vec3 center, vec3 half_size, float slack, bool whole) {
+bool covered(Uints depth, uint size, uint face, uint asked, vec3 center, vec3 half_size, float slack, bool whole) {
     float near = center.z - half_size.z, far = center.z + half_size.z;
     if (near <= 1e-4 * far) return false;
     vec2 low = center.xy - half_size.xy, high = center.xy + half_size.xy;
@@ -28,12 +28,12 @@ bool covered(Floats blocks, uint view, uint face, uint asked, vec3 center, vec3 
     uvec2 span = to - from + 1;
     uint left = span.x * span.y;
     if (left > MOST_BLOCKS) return false;
-    uint start = view * VIEW_BLOCKS + (face == 0 ? 0 : BLOCKS * BLOCKS + (face - 1) * (BLOCKS * BLOCKS / 2));
+    uint start = first_block(size) + (face == 0 ? 0 : BLOCKS * BLOCKS + (face - 1) * (BLOCKS * BLOCKS / 2));
     uint block = start + from.y * BLOCKS + from.x;
     float farthest = 1e30;
     uint column = 0;
     for (;;) {
-        farthest = min(farthest, blocks.at[block + column]);
+        farthest = min(farthest, uintBitsToFloat(depth.at[block + column]));
         if (--left == 0) break;
         bool wrap = ++column == span.x;
         column = wrap ? 0 : column;

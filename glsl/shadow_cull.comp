@@ -26,7 +26,6 @@ layout(push_constant, scalar) uniform Push {
     ListHeads from_head;
     Pairs list;
     ListHeads head;
-    Floats blocks; // of depth_blocks, after what is drawn first
 };
 
 // Chunks an invocation, at most 6: they share the reading of the view.
@@ -70,9 +69,7 @@ void main() {
             Framed box = framed(face_axes(face, view.x, view.y, view.z), chunks.at[chunk].center - view.origin, chunks.at[chunk].extent);
             uint asked = LIMITED ? views.at[index].asked[face] : EVERYTHING;
             bool out_of_it = LIMITED && unasked(view, face, asked, box);
-            // The light's other view has the blocks of both.
-            uint shown = WHICH == OWN ? index - view.borrows : index;
-            if (WHICH == REST || WHICH == OWN) out_of_it = out_of_it || hemicube && covered(blocks, shown, face, asked, box.center, box.half_size, 1.0001, false);
+            if (WHICH == REST || WHICH == OWN) out_of_it = out_of_it || hemicube && covered(Uints(view.depth), view.size, face, asked, box.center, box.half_size, 1.0001, false);
             seen &= out_of_it ? ~(1u << bit) : ~0u;
         }
     }

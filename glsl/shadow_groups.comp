@@ -31,7 +31,7 @@ void main() {
     bool in_both = stands(instance, view.other);
     // What was kept of the view need not be drawn.
     bool drawn = view.kept < KEPT_BOTH || view.kept == KEPT_BOTH && !in_both;
-    bool asked = stands(instance, view.version) && drawn && (!in_both || view.borrows == 0);
+    bool asked = stands(instance, view.version) && drawn && (!in_both || view.base >= 0);
     vec3 offset = groups.at[group].center - view.origin;
     vec3 extent = groups.at[group].extent;
     uint faces = asked ? faces_of(view, offset, extent) : 0;

@@ -17,7 +17,6 @@ layout(push_constant, scalar) uniform Push {
     Views views;
     Pairs large;
     ListHeads large_head;
-    Uints depth;
     Cutouts cutouts;
     Uints bits;
     uint large_capacity;
@@ -32,7 +31,8 @@ void main() {
     Setup s = set_up(triangles.at[entry.x], view, face, face_axes(face, view.x, view.y, view.z));
     bool side = view.kind == VIEW_HEMICUBE && face != 0;
     float half_size = 0.5 * float(view.size);
-    uint base = view.offset + face_offset(face, view.size);
+    Uints depth = Uints(view.depth);
+    uint base = face_offset(face, view.size);
 
     // Parts are counted from the first row that is asked for.
     uint rectangle = LIMITED ? views.at[entry.y >> 3 & 63].asked[face] : EVERYTHING;

@@ -25,7 +25,6 @@ layout(push_constant, scalar) uniform Push {
     Views views;
     Pairs large;
     ListHeads large_head;
-    Uints depth;
     Cutouts cutouts;
     Uints bits;
     uint large_capacity;
@@ -66,7 +65,8 @@ void draw(uint triangle, uint whose, View view, uint face, Face axes, Span asked
         cutout = cutouts.at[triangle];
         planes = cutout_planes(s, cutout);
     }
-    uint base = view.offset + face_offset(face, view.size);
+    Uints depth = Uints(view.depth);
+    uint base = face_offset(face, view.size);
     uint row = base + first_pixel.y * view.size + first_pixel.x;
     uint column = 0, line = 0;
     // One loop, not two: on SIMD processors the longest row of eight triangles would cost all of them its length.

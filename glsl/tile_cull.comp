@@ -24,7 +24,6 @@ layout(push_constant, scalar) uniform Push {
     ListHeads heads;  // FORMS
     Sums pairs;       // FORMS: pairs of a texel and a light that were left in, so far
     Views views;
-    Floats blocks;    // of the views' depth maps
     Uints parts;      // of the map: PART_* by tile of texels
     uint tile_count;
     uint light_count;
@@ -127,7 +126,7 @@ bool occluded(uint view, uint tile, vec3 center, vec3 extent, vec3 axis, float l
     Face f = face_axes(face, x, y, z);
     vec3 middle = vec3(dot(f.u, offset), dot(f.v, offset), dot(f.w, offset));
     vec3 half_size = vec3(dot(abs(f.u), extent), dot(abs(f.v), extent), dot(abs(f.w), extent)) + moved;
-    return least > 0.0 && face_cos > 0.0 && covered(blocks, view, face, part ? views.at[view].asked[face] : EVERYTHING, middle, half_size, SLACK / max(plane, 1e-6), true);
+    return least > 0.0 && face_cos > 0.0 && covered(Uints(views.at[view].depth), views.at[view].size, face, part ? views.at[view].asked[face] : EVERYTHING, middle, half_size, SLACK / max(plane, 1e-6), true);
 }
 
 // An outline that dips below a horizon by no more than this angle need not be cut: what is lost is its square.

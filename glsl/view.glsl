@@ -45,6 +45,11 @@ Span asked_pixels(uint asked, uint size, bool side) {
     return Span(vec2(first), vec2(end) - 1.0);
 }
 
+// Where a hemicube's blocks begin, behind its pixels: rows of the top face, then of the side faces.
+uint first_block(uint size) {
+    return 3 * size * size;
+}
+
 // Rows of pixels of a face, and where it starts.
 uint face_height(uint face, uint size) {
     return face == 0 ? size : size / 2;

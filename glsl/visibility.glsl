@@ -51,8 +51,8 @@ Sight sight(uint size, vec3 direction, vec3 local, vec3 n, Lookup at) {
 }
 
 // That of what is nearest along the ray: above 1 it hides the receiver.
-float nearness(Uints depth, uint offset, Sight sight) {
-    return uintBitsToFloat(depth.at[offset + sight.pixel]) * sight.plane;
+float nearness(Uints depth, Sight sight) {
+    return uintBitsToFloat(depth.at[sight.pixel]) * sight.plane;
 }
 
 // As far away from what stands beside a receiver it is looked up: pixels' half widths, so that no pixel that the lookup
@@ -97,8 +97,8 @@ Sight sight(View view, vec3 p, vec3 n, Clearance clearance, float bias) {
 }
 
 // 1, or 0.
-float visibility(Uints depth, uint offset, Sight sight) {
-    return nearness(depth, offset, sight) > sight.most ? 0.0 : 1.0;
+float visibility(Uints depth, Sight sight) {
+    return nearness(depth, sight) > sight.most ? 0.0 : 1.0;
 }
 
 const float SOFT_FURTHEST = 2.0;
@@ -112,8 +112,8 @@ const vec2 ROUND[ROUNDS] = vec2[](vec2(0.65, 0.25), vec2(0.354, 0.0), vec2(0.56,
 // receiver's plane, not with the receiver; and what a tap at distance L from the receiver's own ray finds can only cut a
 // ray to the emitter if radius (nearness - 1) >= L, by similar triangles: a wall beside the receiver does not. Where the
 // receiver's own ray is cut, whatever a tap finds counts: a nearer blocker may hide from the map what cuts that ray too.
-float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float radius, float bias) {
-    uint offset = view.offset;
+float soft_visibility(View view, vec3 p, vec3 n, Clearance clearance, float radius, float bias) {
+    Uints depth = Uints(view.depth);
     uint size = view.size;
     Lookup at = lookup(view, p, n, clearance, DIRECT_LIFT, bias);
     vec3 d = at.d;
@@ -129,7 +129,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
     float pixel = 2.0 * distance / float(size);
     float reach = max(min(radius, 0.5 * distance), pixel);
 
-    float own = min(nearness(depth, offset, sight(size, to_direction(local), local, local_n, at)), 8.0);
+    float own = min(nearness(depth, sight(size, to_direction(local), local, local_n, at)), 8.0);
     bool cut = own > 1.0 + bias;
     float blockers = cut ? 1.0 : 0.0, inverse_sum = cut ? own : 0.0;
     float width = reach, lit = 1.0;
@@ -142,7 +142,7 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
         float found = 0.0, sum = 0.0;
         [[unroll]] for (uint i = 0; i < 4; ++i) {
             vec3 e = local + (i < 2 ? 1.0 : -1.0) * ((i & 1) == 0 ? along : across);
-            float near = min(nearness(depth, offset, sight(size, to_direction(e), local, local_n, at)), 8.0);
+            float near = min(nearness(depth, sight(size, to_direction(e), local, local_n, at)), 8.0);
             bool blocks = near > 1.0 + bias && (cut || radius * (near - 1.0) >= least);
             found += blocks ? 1.0 : 0.0;
             sum += blocks ? near : 0.0;
@@ -161,7 +161,8 @@ float soft_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearanc
 
 // Orthographic map, four comparisons weighted bilinearly, each at its pixel's centre with the receiver's plane there or,
 // where that is further from the light, with the receiver. Outside of the map everything is lit.
-float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clearance, float bias) {
+float parallel_visibility(View view, vec3 p, vec3 n, Clearance clearance, float bias) {
+    Uints depth = Uints(view.depth);
     uint size = view.size;
     float half_size = 0.5 * float(size);
     float pixel = 1.0 / (half_size * length(view.x));
@@ -183,7 +184,7 @@ float parallel_visibility(Uints depth, View view, vec3 p, vec3 n, Clearance clea
         vec2 pixel_at = corner + step;
         bool inside = all(greaterThanEqual(pixel_at, vec2(0.0))) && all(lessThan(pixel_at, vec2(float(size))));
         uint index = inside ? uint(pixel_at.y) * size + uint(pixel_at.x) : 0;
-        float stored = inside ? uintBitsToFloat(depth.at[view.offset + index]) : 0.0;
+        float stored = inside ? uintBitsToFloat(depth.at[index]) : 0.0;
         float plane = value + dot(slope, (pixel_at + 0.5) / half_size - 1.0 - at);
         vec2 w = mix(1.0 - weight, weight, step);
         lit += stored > max(plane, value - beyond) + bias ? 0.0 : w.x * w.y;

@@ -132,6 +132,7 @@ impl Baker {
             }
             let total = self.plan.lights();
             let ahead = self.illumination.lights_taken();
+            let mut batch = 1;
             while let Some(update) = self.next(direct) {
                 self.perform(&update)?;
                 updates += 1;
@@ -143,12 +144,17 @@ impl Baker {
                     self.illumination.send()?;
                     return Ok(self.standing(updates));
                 }
-                if direct && self.illumination.lights_taken() - ahead >= LIGHTS_AHEAD {
+                let taken = self.illumination.lights_taken() - ahead;
+                // What is seen first is not to wait for its batch to fill, nor for a large one.
+                if direct && taken >= batch {
+                    self.illumination.send()?;
+                    batch = 2 * taken;
+                }
+                if direct && taken >= LIGHTS_AHEAD {
                     break;
                 }
             }
             if direct {
-                // What is seen first is not to wait for its batch to fill.
                 self.illumination.send()?;
                 continue;
             }

@@ -14,19 +14,30 @@ pub(in crate::bake) fn grow(
     buffer: &mut Buffer,
     bytes: u64,
 ) -> Result<bool> {
-    if bytes <= buffer.size() {
+    let Some(larger) = larger(gpu, buffer, bytes)? else {
         return Ok(false);
-    }
-    let larger = gpu.buffer(
-        buffer.name(),
-        (bytes + bytes / 2).next_multiple_of(16),
-        Memory::Device,
-    )?;
+    };
     cmd.barrier(Stage::All, Stage::Transfer);
     cmd.copy(buffer, 0, &larger, 0, buffer.size());
     cmd.barrier(Stage::Transfer, Stage::All);
     *buffer = larger;
     Ok(true)
+}
+
+/// Likewise, but for what it holds: that is lost.
+pub(in crate::bake) fn renew(gpu: &Gpu, buffer: &mut Buffer, bytes: u64) -> Result<()> {
+    if let Some(larger) = larger(gpu, buffer, bytes)? {
+        *buffer = larger;
+    }
+    Ok(())
+}
+
+fn larger(gpu: &Gpu, buffer: &Buffer, bytes: u64) -> Result<Option<Buffer>> {
+    if bytes <= buffer.size() {
+        return Ok(None);
+    }
+    let spare = (bytes + bytes / 2).next_multiple_of(16);
+    gpu.buffer(buffer.name(), spare, Memory::Device).map(Some)
 }
 
 /// Fills slots of `slot` bytes (a multiple of 4) that were given back with `nobody`, so that they name no instance any more.

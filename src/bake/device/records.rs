@@ -6,8 +6,11 @@ mod lights;
 use bytemuck::{Pod, Zeroable};
 
 use super::shared::*;
+use crate::gpu::Address;
 use crate::lightmap::Clearance;
-pub(in crate::bake) use lights::{ShadowSizes, Surroundings, coarse, misses, record};
+pub(in crate::bake) use lights::{
+    ShadowSizes, Surroundings, coarse, hemicube_bytes, misses, parallel_bytes, record,
+};
 
 /// `Receiver`.
 #[repr(C)]
@@ -147,16 +150,31 @@ pub(in crate::bake) struct View {
     pub x: [f32; 3],
     pub y: [f32; 3],
     pub z: [f32; 3],
-    pub offset: u32,
+    pub depth: Address,
     pub size: u32,
     pub kind: u32,
     pub cos_cone: f32,
     pub coarse: f32,
     pub version: u32,
     pub other: u32,
-    pub borrows: u32,
+    pub base: i32,
     pub kept: u32,
     pub asked: [u32; FACES as usize],
+}
+
+impl View {
+    /// Of its depth map, and what follows it.
+    pub(in crate::bake) fn bytes(&self) -> u64 {
+        match self.kind {
+            VIEW_HEMICUBE => hemicube_bytes(self.size),
+            _ => parallel_bytes(self.size),
+        }
+    }
+
+    /// Whether everything in its map is to be drawn.
+    pub(in crate::bake) fn begins_empty(&self) -> bool {
+        self.base == 0 && self.kept != KEPT_ALL
+    }
 }
 
 /// `Light`.

@@ -27,8 +27,9 @@ pub struct Job {
     pub budget: Option<Duration>,
     /// Afterwards subtract every second light, add it again, and compare every bit.
     pub verify: bool,
-    /// Bytes of the device's memory in which depth maps of indirect lights are kept, so that edits need not draw them again; 0 keeps
-    /// none. It takes as much as there are lights: 0.2 MiB each at the default quality. No bit of the lightmap depends on it.
+    /// Bytes of the device's memory in which depth maps of lights are kept, so that edits need not draw them again; 0 keeps
+    /// none. It takes as much as there are lights: 0.2 MiB each at the default quality, and 3 to 6 MiB for a direct
+    /// one, which all of them take half of it for at most. No bit of the lightmap depends on it.
     pub kept_maps: u64,
 }
 

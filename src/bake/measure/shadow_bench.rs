@@ -1,18 +1,19 @@
 //! Draws depth maps from random points of a scene and measures it, for `rebake bench` and `benches/passes.rs`.
 
+use std::collections::HashMap;
 use std::time::Instant;
 
 use glam::Vec3;
 
 use crate::bake::device::records::View;
 use crate::bake::device::records::asked::ALL;
-use crate::bake::device::records::coarse;
+use crate::bake::device::records::{coarse, hemicube_bytes};
 use crate::bake::device::shared::{BATCH, FACES, VIEW_HEMICUBE};
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::passes::shadow::{Maps, ShadowPass};
 use crate::bake::world::occluders::Occluders;
 use crate::bake::world::versions::Versions;
-use crate::gpu::{Gpu, Result, Stage};
+use crate::gpu::{Address, Gpu, Result, Stage};
 use crate::scene::{Bounds, Scene};
 
 /// A scene on the device, ready for its depth maps to be measured.
@@ -35,7 +36,7 @@ pub struct ShadowCost {
     pub passes: Vec<(&'static str, f64)>,
     /// What was drawn.
     pub counts: ShadowCounts,
-    /// Of the last batch's pixels: equal maps have equal sums.
+    /// Of the last batch's maps: equal maps have equal sums.
     pub checksum: u64,
 }
 
@@ -83,31 +84,31 @@ impl ShadowBench {
     /// # Errors
     /// No memory, a lost device.
     pub fn run(&self, size: u32, count: u32) -> Result<ShadowCost> {
-        let pixels = 3 * u64::from(size) * u64::from(size);
-        let batch = (64 << 20) / pixels;
+        let bytes = hemicube_bytes(size);
+        let batch = (256 << 20) / bytes;
         let batch = batch.clamp(1, u64::from(BATCH)) as usize;
-        let mut pass = ShadowPass::new(&self.gpu, pixels * batch as u64)?;
+        let mut pass = ShadowPass::new(&self.gpu, bytes * batch as u64)?;
         let versions = Versions::new(&self.gpu, &vec![true; self.objects], self.bounds)?;
         let views: Vec<View> = self
             .points
             .iter()
             .cycle()
             .zip(0..count)
-            .map(|((origin, normal), i)| {
+            .map(|((origin, normal), _)| {
                 let (x, y) = normal.any_orthonormal_pair();
                 View {
                     origin: origin.to_array(),
                     x: x.to_array(),
                     y: y.to_array(),
                     z: normal.to_array(),
-                    offset: i % batch as u32 * pixels as u32,
+                    depth: Address::default(),
                     size,
                     kind: VIEW_HEMICUBE,
                     cos_cone: 0.0,
                     coarse: coarse(size),
                     version: 0,
                     other: 0,
-                    borrows: 0,
+                    base: 0,
                     kept: 0,
                     asked: [ALL; FACES as usize],
                 }
@@ -123,7 +124,7 @@ impl ShadowBench {
                 versions.address(),
                 &Maps {
                     views,
-                    kept: &[],
+                    kept: &HashMap::new(),
                     blocks: true,
                 },
             )?;
@@ -146,7 +147,7 @@ impl ShadowBench {
             .collect();
         let last = views.chunks(batch).next_back().map_or(0, <[View]>::len);
         let checksum = pass
-            .read_depth(last * pixels as usize)?
+            .read_depth(last * bytes as usize / 4)?
             .iter()
             .fold(0u64, |sum, d| {
                 sum.rotate_left(5).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ u64::from(d.to_bits())

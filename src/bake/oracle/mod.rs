@@ -7,6 +7,7 @@ mod layout;
 mod occlusion;
 mod versions;
 
+use std::collections::HashMap;
 use std::sync::LazyLock;
 
 use arrayvec::ArrayVec;
@@ -14,7 +15,7 @@ use glam::{DVec3, Vec3};
 
 use crate::bake::device::records::{self, Light, Parts, ShadowSizes, Surroundings, View};
 use crate::bake::passes::accumulate::{AccumulatePass, Batch, Evaluation};
-use crate::bake::passes::shadow::{Maps, ShadowPass};
+use crate::bake::passes::shadow::{Maps, Place, ShadowPass};
 use crate::bake::world::occluders::Occluders;
 use crate::bake::world::place::Receivers;
 use crate::bake::world::versions::Versions;
@@ -106,9 +107,10 @@ pub(super) fn bounds() -> Bounds {
 
 /// All of these are drawn.
 pub(super) fn maps(views: &[View]) -> Maps<'_> {
+    static KEPT: LazyLock<HashMap<u32, Place>> = LazyLock::new(HashMap::new);
     Maps {
         views,
-        kept: &[],
+        kept: &KEPT,
         blocks: true,
     }
 }
@@ -164,18 +166,16 @@ pub(super) fn run(
 ) -> (Vec<i64>, u64) {
     let occluders = Occluders::new(gpu, scene).expect("upload");
     let receivers = Receivers::new(gpu, scene, &[true], texels).expect("place");
-    let mut shadow = ShadowPass::new(gpu, 16 << 20).expect("buffers");
+    let mut shadow = ShadowPass::new(gpu, 64 << 20).expect("buffers");
     let versions = Versions::new(gpu, &[true], bounds()).expect("buffers");
     let mut pass = AccumulatePass::new(gpu, &receivers, evaluation).expect("buffers");
     shadow.set_occlusion(occlusion);
     pass.set_occlusion(occlusion);
     for batch in lights.chunks(8) {
-        let (mut views, mut offset) = (Vec::new(), 0);
+        let mut views = Vec::new();
         let records: Vec<Light> = batch
             .iter()
-            .map(|(light, sign)| {
-                records::record(light, *sign, &SIZES, &around(), &mut views, &mut offset)
-            })
+            .map(|(light, sign)| records::record(light, *sign, &SIZES, &around(), &mut views))
             .collect();
         let mut cmd = gpu.commands().expect("recording");
         cmd.barrier(Stage::All, Stage::All);

@@ -47,11 +47,10 @@ impl Work {
 
     /// Taking a light away again.
     pub fn subtract(light: &VirtualLight) -> Self {
-        let add = Self::add(light);
-        if light.direct {
-            return add;
+        Self {
+            draw: 0.0,
+            ..Self::add(light)
         }
-        Self { draw: 0.0, ..add }
     }
 
     /// Following a light to another scene, that differs in these boxes.

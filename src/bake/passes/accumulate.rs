@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::shadow::ShadowPass;
 use crate::bake::device::list::Heads;
-use crate::bake::device::pool::grow;
+use crate::bake::device::pool::{grow, renew};
 use crate::bake::device::records::{Light, Region};
 use crate::bake::device::shaders;
 use crate::bake::device::shared::{
@@ -85,7 +85,6 @@ struct CullPush {
     heads: Address,
     pairs: Address,
     views: Address,
-    blocks: Address,
     parts: Address,
     tile_count: u32,
     light_count: u32,
@@ -104,7 +103,6 @@ struct Push {
     list: Address,
     head: Address,
     views: Address,
-    depth: Address,
     sums: Address,
     scale: f32,
     epsilon: f32,
@@ -225,15 +223,13 @@ impl AccumulatePass {
         }
         let tile_count = receivers.count();
         self.offered += u64::from(tile_count * TILE) * lights.len() as u64;
-        grow(
+        renew(
             gpu,
-            cmd,
             &mut self.lists,
             u64::from(tile_count) * 8 * u64::from(FORMS),
         )?;
-        grow(
+        renew(
             gpu,
-            cmd,
             &mut self.regions,
             std::mem::size_of_val(regions) as u64,
         )?;
@@ -253,7 +249,6 @@ impl AccumulatePass {
                     .pairs
                     .address_at(u64::from(soft) * u64::from(FORMS) * 8),
                 views: shadow.views(),
-                blocks: shadow.blocks(),
                 parts: receivers.parts.address(),
                 tile_count,
                 light_count: lights.len() as u32,
@@ -275,7 +270,6 @@ impl AccumulatePass {
                     .address_at(u64::from(form) * u64::from(tile_count) * 8),
                 head: self.heads.address(form),
                 views: shadow.views(),
-                depth: shadow.depth(),
                 sums: self.sums.address(),
                 scale: self.evaluation.scale,
                 epsilon: self.evaluation.epsilon,

@@ -2,8 +2,8 @@
 //! added up, and maps compared.
 
 pub(super) mod accumulate;
+mod depth_begin;
 mod depth_blocks;
-mod depth_clear;
 pub(super) mod residual;
 pub(super) mod shadow;
 mod shadow_draw;

@@ -1,11 +1,13 @@
 //! Depth maps of a batch of lights: cull chunks per face, draw what is left of them; first those chunks that hide much, then what
 //! they do not hide.
 
+use std::collections::HashMap;
+
 use bytemuck::{Pod, Zeroable};
 
+use super::depth_begin::BeginPass;
+pub(in crate::bake) use super::depth_begin::Place;
 use super::depth_blocks::BlockPass;
-use super::depth_clear::KeepPass;
-pub(in crate::bake) use super::depth_clear::KeptMap;
 use super::shadow_draw::{CHUNKS, Drawing, LARGE, Target};
 use super::shadow_groups::{GroupPass, Standing, Uploaded};
 use crate::bake::device::list::Heads;
@@ -28,7 +30,7 @@ pub(in crate::bake) struct ShadowPass {
     /// Of everything, of what is drawn first, of the rest, of what one of a light's two versions has alone; for views without
     /// limits, and with.
     cull: [[Pipeline; 4]; 2],
-    keep: KeepPass,
+    begin: BeginPass,
     groups: GroupPass,
     blocks: BlockPass,
     /// For whole triangles, and for those with cutouts.
@@ -44,11 +46,11 @@ pub(in crate::bake) struct ShadowPass {
 
 /// What is drawn.
 pub(in crate::bake) struct Maps<'a> {
-    /// Those that borrow after those they borrow from.
+    /// Those that borrow after those they borrow from. Where their maps are is found out later.
     pub views: &'a [View],
-    /// What is there already of some, to be copied into them before.
-    pub kept: &'a [KeptMap<'a>],
-    /// [`ShadowPass::blocks`] will be asked for.
+    /// Where maps are, or are to be, that are kept: by the index of their view.
+    pub kept: &'a HashMap<u32, Place<'a>>,
+    /// What hides in them will be asked for.
     pub blocks: bool,
 }
 
@@ -70,12 +72,11 @@ struct CullPush {
     from: [Address; 2],
     list: Address,
     head: Address,
-    blocks: Address,
 }
 
 impl ShadowPass {
-    /// `depth_elements`: pixels that the depth maps of one batch may take together.
-    pub(in crate::bake) fn new(gpu: &Gpu, depth_elements: u64) -> Result<Self> {
+    /// `depth`: bytes that the depth maps of one batch may take together, but for those that are kept.
+    pub(in crate::bake) fn new(gpu: &Gpu, depth: u64) -> Result<Self> {
         // A SIMD register of lavapipe, where what an invocation does more shares the reading of the view.
         let lanes = if gpu.info().kind == "CPU" { 8 } else { GROUP };
         let cull = |which, limited| {
@@ -92,7 +93,7 @@ impl ShadowPass {
         };
         Ok(Self {
             cull: [culls(0)?, culls(1)?],
-            keep: KeepPass::new(gpu)?,
+            begin: BeginPass::new(gpu)?,
             blocks: BlockPass::new(gpu)?,
             groups: GroupPass::new(gpu)?,
             drawings: [Drawing::new(0), Drawing::new(1)],
@@ -102,7 +103,7 @@ impl ShadowPass {
                 MAX_VIEWS * size_of::<View>() as u64,
                 Memory::Device,
             )?,
-            depth: gpu.buffer("shadow depth", depth_elements * 4, Memory::Device)?,
+            depth: gpu.buffer("shadow depth", depth, Memory::Device)?,
             few: FEW_CHUNKS,
             drawn: [0; 3],
         })
@@ -118,9 +119,9 @@ impl ShadowPass {
         self.views.address()
     }
 
-    /// Pixels that one batch's depth maps may take together.
-    pub(in crate::bake) fn elements(&self) -> u64 {
-        self.depth.size() / 4
+    /// Bytes that one batch's depth maps may take together, but for those that are kept.
+    pub(in crate::bake) fn room(&self) -> u64 {
+        self.depth.size()
     }
 
     /// The first `elements` of the depth maps drawn last.
@@ -143,15 +144,6 @@ impl ShadowPass {
         })
     }
 
-    /// What hides in the maps drawn last: see [`crate::bake::device::shared::VIEW_BLOCKS`].
-    pub(super) fn blocks(&self) -> Address {
-        self.blocks.found()
-    }
-
-    pub(super) fn depth(&self) -> Address {
-        self.depth.address()
-    }
-
     /// Draws maps, which can be read by compute shaders after the next barrier. `instances`: the table that says what stands in a
     /// view's version.
     pub(in crate::bake) fn record(
@@ -166,15 +158,18 @@ impl ShadowPass {
             blocks,
         }: &Maps,
     ) -> Result<()> {
-        let elements: u64 = views.iter().map(pixels).sum();
         let faces = |v: &View| if v.kind == VIEW_HEMICUBE { 5 } else { 1 };
         let faces: u64 = views.iter().map(faces).sum();
         let new = [views.len() as u64, faces, faces * occluders.triangles()];
         (0..3).for_each(|i| self.drawn[i] += new[i]);
+        let at = places(&self.depth, views, kept);
+        let placed = |(view, place): (&View, &Place)| View {
+            depth: place.buffer.address_at(place.at),
+            ..*view
+        };
+        let views: &Vec<View> = &views.iter().zip(&at).map(placed).collect();
         cmd.upload(&self.views, 0, views)?;
-        cmd.fill(&self.depth, 0, elements * 4, 0);
-        self.keep
-            .fetch(cmd, (&self.depth, &self.views), views, kept);
+        self.begin.record(cmd, views, &at, self.views.address());
         let uploaded = Uploaded {
             at: self.views.address(),
             count: views.len() as u32,
@@ -187,38 +182,18 @@ impl ShadowPass {
             self.draw(gpu, cmd, occluders, views, Which::All, Standing::Both)?;
         } else {
             self.draw(gpu, cmd, occluders, views, Which::First, Standing::Both)?;
-            self.blocks.record(cmd, &uploaded, self.depth.address());
+            self.blocks.record(cmd, &uploaded);
             self.draw(gpu, cmd, occluders, views, Which::Rest, Standing::Both)?;
         }
         if views.iter().any(|v| v.version != v.other) {
-            if views.iter().any(|v| v.borrows != 0) {
-                self.lend(cmd, views);
-            }
+            BeginPass::lend(cmd, views, &places(&self.depth, views, kept));
             let which = if few { Which::All } else { Which::Own };
             self.draw(gpu, cmd, occluders, views, which, Standing::Own)?;
         }
         if blocks {
-            self.blocks.record(cmd, &uploaded, self.depth.address());
+            self.blocks.record(cmd, &uploaded);
         }
         Ok(())
-    }
-
-    /// Copies maps drawn last to where they are kept.
-    pub(in crate::bake) fn keep(&self, cmd: &mut Commands, views: &[View], maps: &[KeptMap]) {
-        KeepPass::store(cmd, &self.depth, views, maps);
-    }
-
-    /// Copies what is drawn so far, which stands in both versions of a light, to the views that show it in the other version.
-    fn lend(&self, cmd: &mut Commands, views: &[View]) {
-        cmd.barrier(Stage::Compute, Stage::Transfer);
-        cmd.scope("shadow lend", |cmd| {
-            for (at, view) in views.iter().enumerate().filter(|(_, v)| v.borrows != 0) {
-                let from = u64::from(views[at - view.borrows as usize].offset) * 4;
-                let to = u64::from(view.offset) * 4;
-                cmd.copy(&self.depth, from, &self.depth, to, pixels(view) * 4);
-            }
-        });
-        cmd.barrier(Stage::Transfer, Stage::Compute);
     }
 
     /// Draws some of the chunks of listed groups into `views`.
@@ -237,7 +212,6 @@ impl ShadowPass {
             heads: &self.heads,
             occluders,
             views: self.views.address(),
-            depth: self.depth.address(),
             limited,
         };
         let mut drawings = Vec::new();
@@ -247,7 +221,7 @@ impl ShadowPass {
             .zip([&occluders.whole, &occluders.masked])
         {
             if chunks.count() > 0 {
-                drawings.push(drawing.ready(gpu, cmd, chunks)?);
+                drawings.push(drawing.ready(gpu, chunks)?);
             }
         }
         cmd.barrier(Stage::Transfer, Stage::Compute);
@@ -260,7 +234,6 @@ impl ShadowPass {
                     from: self.groups.list(drawing.kind, standing),
                     list: drawing.made.list.address(),
                     head: self.heads.address(CHUNKS[drawing.kind]),
-                    blocks: self.blocks.found(),
                 };
                 let pipeline = &self.cull[limited][which as usize];
                 self.groups
@@ -283,13 +256,22 @@ impl ShadowPass {
     }
 }
 
+/// Where the maps of views are: where they are kept, or else one after the other in `room`.
+fn places<'a>(room: &'a Buffer, views: &[View], kept: &HashMap<u32, Place<'a>>) -> Vec<Place<'a>> {
+    let mut free = 0;
+    (0..)
+        .zip(views)
+        .map(|(index, view)| {
+            kept.get(&index).copied().unwrap_or_else(|| {
+                let at = free;
+                free += view.bytes();
+                Place { buffer: room, at }
+            })
+        })
+        .collect()
+}
+
 /// 1 where some of the views may have limits, those of differences: else nobody need ask for them.
 fn limited(views: &[View]) -> usize {
     usize::from(views.iter().any(|v| v.version != v.other))
-}
-
-/// Pixels of a view's depth map.
-pub(super) fn pixels(view: &View) -> u64 {
-    let faces = if view.kind == VIEW_HEMICUBE { 3 } else { 1 };
-    faces * u64::from(view.size) * u64::from(view.size)
 }

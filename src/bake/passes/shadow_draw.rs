@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::shadow::MAX_VIEWS;
 use crate::bake::device::list::Heads;
-use crate::bake::device::pool::grow;
+use crate::bake::device::pool::renew;
 use crate::bake::device::shaders;
 use crate::bake::device::shared::CHUNK;
 use crate::bake::world::occluders::{Chunks, Occluders};
@@ -58,7 +58,6 @@ struct LargePush {
     views: Address,
     large: Address,
     large_head: Address,
-    depth: Address,
     cutouts: Address,
     bits: Address,
     large_capacity: u32,
@@ -70,18 +69,13 @@ impl Drawing {
     }
 
     /// Ready to draw from among `chunks`.
-    pub(super) fn ready<'a>(
-        &'a mut self,
-        gpu: &Gpu,
-        cmd: &mut Commands,
-        chunks: &'a Chunks,
-    ) -> Result<Ready<'a>> {
+    pub(super) fn ready<'a>(&'a mut self, gpu: &Gpu, chunks: &'a Chunks) -> Result<Ready<'a>> {
         let entries = u64::from(chunks.count()) * 5 * MAX_VIEWS * 8;
         let mut made = match self.made.take() {
             Some(made) => made,
             None => Made::new(gpu, self.kind, entries)?,
         };
-        grow(gpu, cmd, &mut made.list, entries)?;
+        renew(gpu, &mut made.list, entries)?;
         Ok(Ready {
             kind: self.kind,
             made: self.made.insert(made),
@@ -119,7 +113,6 @@ pub(super) struct Target<'a> {
     pub heads: &'a Heads,
     pub occluders: &'a Occluders,
     pub views: Address,
-    pub depth: Address,
     /// 1 where some views have limits.
     pub limited: usize,
 }
@@ -152,7 +145,6 @@ impl Ready<'_> {
             views: target.views,
             large: self.made.large_list.address(),
             large_head: target.heads.address(LARGE[self.kind]),
-            depth: target.depth,
             cutouts: self.chunks.cutouts.address(),
             bits: target.occluders.bits.address(),
             large_capacity: LARGE_CAPACITY,

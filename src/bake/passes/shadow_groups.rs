@@ -4,7 +4,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::bake::device::list::Heads;
-use crate::bake::device::pool::grow;
+use crate::bake::device::pool::renew;
 use crate::bake::device::shaders;
 use crate::bake::world::occluders::Occluders;
 use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage};
@@ -71,7 +71,7 @@ impl GroupPass {
         for (lists, chunks) in self.lists.iter_mut().zip(all) {
             for list in lists {
                 let entries = u64::from(chunks.group_count()) * u64::from(views.count);
-                grow(gpu, cmd, list, entries * 8)?;
+                renew(gpu, list, entries * 8)?;
             }
         }
         self.heads.clear(cmd);

@@ -10,7 +10,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::time::Instant;
 
-use crate::bake::device::records::{self, Parts, Region, ShadowSizes};
+use crate::bake::device::records::{
+    self, Parts, Region, ShadowSizes, hemicube_bytes, parallel_bytes,
+};
 use crate::bake::device::shared::BATCH;
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::passes::accumulate::{self, AccumulatePass, Evaluation};
@@ -28,8 +30,8 @@ use kept::{Keeping, KeptMaps};
 pub use pending::Sign;
 use pending::{Pending, Queue};
 
-/// Depth pixels of one batch: 256 MiB.
-const DEPTH_ELEMENTS: u64 = 64 << 20;
+/// Depth maps of one batch, but for those that are kept.
+const DEPTH_BYTES: u64 = 256 << 20;
 /// Lights of the first submission there, before anything is known.
 const FIRST_BATCH: usize = 4;
 /// The device side of a bake: occluders, receivers, passes, and the sums they work on.
@@ -92,14 +94,13 @@ impl Illumination {
         sizes: ShadowSizes,
         evaluation: Evaluation,
     ) -> Result<Self> {
-        let square = |size: u32| u64::from(size) * u64::from(size);
         // A difference has its maps twice.
         let largest = 2
-            * (6 * square(sizes.direct))
-                .max(square(sizes.sun))
-                .max(3 * square(sizes.indirect));
-        let elements = (3 * square(sizes.indirect) * u64::from(BATCH))
-            .min(DEPTH_ELEMENTS)
+            * (2 * hemicube_bytes(sizes.direct))
+                .max(parallel_bytes(sizes.sun))
+                .max(hemicube_bytes(sizes.indirect));
+        let depth = (hemicube_bytes(sizes.indirect) * u64::from(BATCH))
+            .min(DEPTH_BYTES)
             .max(largest);
         let objects = scene.objects.len() as u32;
         let standing: Vec<bool> = (0..objects).map(|o| scene.stands(o)).collect();
@@ -107,11 +108,11 @@ impl Illumination {
         Ok(Self {
             versions: Versions::new(gpu, &standing, scene.bounds())?,
             occluders: Occluders::new(gpu, scene)?,
-            shadow: ShadowPass::new(gpu, elements)?,
+            shadow: ShadowPass::new(gpu, depth)?,
             accumulate: AccumulatePass::new(gpu, &receivers, evaluation)?,
             gpu: gpu.clone(),
             receivers,
-            kept: KeptMaps::new(gpu, sizes.indirect, 0),
+            kept: KeptMaps::new(gpu, &sizes, 0),
             sizes,
             queues: Default::default(),
             in_flight: VecDeque::new(),
@@ -148,7 +149,7 @@ impl Illumination {
 
     /// Keeps the depth maps of lights that it holds, in so many bytes at most. The map's bits do not depend on it. Before lights come.
     pub(super) fn keep_maps(&mut self, bytes: u64) {
-        self.kept = KeptMaps::new(&self.gpu, self.sizes.indirect, bytes);
+        self.kept = KeptMaps::new(&self.gpu, &self.sizes, bytes);
     }
 
     pub(super) fn limit_batch(&mut self, lights: Option<u32>) {

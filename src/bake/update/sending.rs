@@ -1,17 +1,18 @@
 //! Lights on their way to the device: in batches of one kind, the next recorded while one runs.
 
+use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 use super::allowance::{Allowance, Counts};
 use super::kept::Keeping;
 use super::pending::{Pending, Sign};
 use super::{Flight, Illumination};
-use crate::bake::device::records::{self, Region, Surroundings};
+use crate::bake::device::records::{self, Region, Surroundings, hemicube_bytes, parallel_bytes};
 use crate::bake::device::shared::{BATCH, KEPT_ALL, KEPT_BESIDE, KEPT_BOTH, KEPT_NOTHING};
 use crate::bake::passes::accumulate::Batch;
-use crate::bake::passes::shadow::{KeptMap, MAX_VIEWS, Maps};
+use crate::bake::passes::shadow::{MAX_VIEWS, Maps, Place};
 use crate::bake::world::versions::Version;
-use crate::cluster::Shape;
+use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Result, Stage};
 
 /// No submission on a GPU should run longer: drivers kill those that run for seconds.
@@ -85,27 +86,34 @@ impl Illumination {
         Ok(())
     }
 
-    /// Views of a light, and how many pixels they take together.
+    /// Views of a light, and how many bytes those of them take together that have no place of their own.
     fn depth_maps(&self, pending: &Pending) -> (u64, u64) {
-        let square = |size: u32| u64::from(size) * u64::from(size);
         let light = &pending.light;
-        let (views, pixels) = match light.shape {
-            Shape::Directional { .. } => (1, square(self.sizes.of(light))),
-            Shape::Point => (2, 6 * square(self.sizes.of(light))),
-            _ => (1, 3 * square(self.sizes.of(light))),
+        let views = u64::from(views_of(light));
+        let size = self.sizes.of(light);
+        let bytes = match light.shape {
+            Shape::Directional { .. } => parallel_bytes(size),
+            _ => hemicube_bytes(size),
         };
-        let versions = 1 + u64::from(pending.version != pending.other);
-        (versions * views, versions * pixels)
+        let [own, other] = pending
+            .keeping
+            .places()
+            .map(|slot| u64::from(slot.is_none()));
+        let (versions, drawn) = match pending.version == pending.other {
+            true => (1, own),
+            false => (2, own + other),
+        };
+        (versions * views, drawn * views * bytes)
     }
 
     /// How many of the first lights of a queue go into its next batch.
     fn fitting(&self, queue: usize) -> usize {
         let most = self.batch_limit.unwrap_or(BATCH).max(1) as usize;
         let most = most.min(self.batch);
-        let (mut views, mut elements, mut kinds) = (0, 0, Counts::default());
+        let (mut views, mut bytes, mut kinds) = (0, 0, Counts::default());
         let fits = |(before, p): &(usize, &Pending)| {
             let needs = self.depth_maps(p);
-            (views, elements) = (views + needs.0, elements + needs.1);
+            (views, bytes) = (views + needs.0, bytes + needs.1);
             kinds[p.kind()] += 1;
             let waits = |q: &Pending| p.keeping.waits_for(&q.keeping);
             if self.queues[queue].pending[..*before].iter().any(waits) {
@@ -116,7 +124,7 @@ impl Illumination {
             };
             self.allowance.is_none_or(allowed)
                 && (*before == 0
-                    || *before < most && views <= MAX_VIEWS && elements <= self.shadow.elements())
+                    || *before < most && views <= MAX_VIEWS && bytes <= self.shadow.room())
         };
         let pending = self.queues[queue].pending.iter().enumerate();
         pending.take_while(fits).count()
@@ -155,8 +163,7 @@ impl Illumination {
         }
         let _span = tracing::debug_span!("record batch", lights, soft).entered();
         let mut views = Vec::new();
-        let (mut fetched, mut stored) = (Vec::new(), Vec::new());
-        let mut offset = 0;
+        let mut places = HashMap::new();
         let mut regions: Vec<Region> = Vec::new();
         let mut lookups: Vec<Region> = Vec::new();
         let mut lights = Vec::new();
@@ -191,26 +198,18 @@ impl Illumination {
                 moved: self.accumulate.moved(),
             };
             let sign = if pending.sign == Sign::Add { 1 } else { -1 };
-            let light = records::record(
-                &pending.light,
-                sign,
-                &self.sizes,
-                &around,
-                &mut views,
-                &mut offset,
-            );
-            let Keeping {
-                load,
-                load_other,
-                store,
-            } = pending.keeping;
-            let map = |view, slot| {
-                let (buffer, at) = self.kept.at(slot);
-                KeptMap { view, buffer, at }
-            };
-            fetched.extend(load.or(load_other).map(|slot| map(light.view, slot)));
-            fetched.extend(load_other.map(|slot| map(light.other_view, slot)));
-            stored.extend(store.map(|slot| map(light.view, slot)));
+            let light = records::record(&pending.light, sign, &self.sizes, &around, &mut views);
+            for (first, slot) in [light.view, light.other_view]
+                .into_iter()
+                .zip(pending.keeping.places())
+            {
+                let Some(slot) = slot else { continue };
+                let (buffer, mut at) = self.kept.at(slot);
+                for view in first..first + views_of(&pending.light) {
+                    places.insert(view, Place { buffer, at });
+                    at += views[view as usize].bytes();
+                }
+            }
             lights.push(light);
         }
         let mut cmd = self.gpu.commands()?;
@@ -223,11 +222,10 @@ impl Illumination {
             instances,
             &Maps {
                 views: &views,
-                kept: &fetched,
+                kept: &places,
                 blocks: !soft,
             },
         )?;
-        self.shadow.keep(&mut cmd, &views, &stored);
         let batch = Batch {
             lights: &lights,
             regions: &regions,
@@ -309,6 +307,14 @@ impl Illumination {
             self.batch = (self.batch * 2).min(BATCH as usize);
         }
         Ok(())
+    }
+}
+
+/// Views of a light in one version of the scene.
+fn views_of(light: &VirtualLight) -> u32 {
+    match light.shape {
+        Shape::Point => 2,
+        _ => 1,
     }
 }
 

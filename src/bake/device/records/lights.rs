@@ -8,6 +8,7 @@ use super::{Light, Region, View};
 use super::{Parts, Version};
 use crate::bake::device::shared::*;
 use crate::cluster::{Shape, VirtualLight};
+use crate::gpu::Address;
 use crate::scene::Bounds;
 
 /// Resolutions of depth maps, pixels along an edge.
@@ -16,6 +17,16 @@ pub(in crate::bake) struct ShadowSizes {
     pub indirect: u32,
     pub direct: u32,
     pub sun: u32,
+}
+
+/// Bytes of a hemicube of so many pixels along the edge of its top face, and of what hides in its blocks.
+pub(in crate::bake) fn hemicube_bytes(size: u32) -> u64 {
+    3 * parallel_bytes(size) + 4 * u64::from(VIEW_BLOCKS)
+}
+
+/// Bytes of an orthographic map.
+pub(in crate::bake) fn parallel_bytes(size: u32) -> u64 {
+    4 * u64::from(size) * u64::from(size)
 }
 
 impl ShadowSizes {
@@ -63,18 +74,17 @@ const WIDEST_TAP: f32 = 1.7;
 /// Of a pixel: how coarse occluders may be.
 const COARSE: f32 = 0.5;
 
-/// Appends the views of `light` and returns its record. `offset` is the first free element of the depth buffer. `sign`: of
-/// whole lights; a difference adds the light as it shines in its version and subtracts it as it shines in the other.
+/// Appends the views of `light` and returns its record. Where their depth maps are is found out
+/// later. `sign`: of whole lights; a difference adds the light as it shines in its version and subtracts it as it shines in the other.
 pub(in crate::bake) fn record(
     light: &VirtualLight,
     sign: i32,
     sizes: &ShadowSizes,
     around: &Surroundings,
     views: &mut Vec<View>,
-    offset: &mut u32,
 ) -> Light {
     let size = sizes.of(light);
-    let (first_view, first_element) = (views.len(), *offset);
+    let first_view = views.len();
     let mut out = Light {
         position: light.position.to_array(),
         normal: light.normal.to_array(),
@@ -105,14 +115,14 @@ pub(in crate::bake) fn record(
             x: x.to_array(),
             y: y.to_array(),
             z: pole.to_array(),
-            offset: *offset,
+            depth: Address::default(),
             size,
             kind: VIEW_HEMICUBE,
             cos_cone,
             coarse: if light.direct { 0.0 } else { coarse(size) },
             version: around.version,
             other: around.other,
-            borrows: 0,
+            base: 0,
             kept: around.kept[0],
             asked: if whole {
                 [asked::ALL; FACES as usize]
@@ -120,7 +130,6 @@ pub(in crate::bake) fn record(
                 asked::of_hemicube([x, y, pole], &boxes)
             },
         });
-        *offset += 3 * size * size;
     };
     match &light.shape {
         Shape::Polygon { vertices } => {
@@ -154,9 +163,8 @@ pub(in crate::bake) fn record(
         }
         Shape::Directional { .. } => {
             out.kind = LIGHT_DIRECTIONAL;
-            let (view, pixel) = parallel_view(light.normal, size, around, *offset);
+            let (view, pixel) = parallel_view(light.normal, size, around);
             views.push(view);
-            *offset += size * size;
             out.blur = LOOKUP * pixel;
             out.blur_slope = 0.0;
         }
@@ -166,15 +174,19 @@ pub(in crate::bake) fn record(
     }
     if around.version != around.other {
         out.other_view = views.len() as u32;
-        let (span, borrows) = (*offset - first_element, out.other_view - out.view);
         views.extend_from_within(first_view..);
-        for view in &mut views[out.other_view as usize..] {
-            view.offset += span;
-            std::mem::swap(&mut view.version, &mut view.other);
-            view.kept = around.kept[1];
-            view.borrows = if view.kept == KEPT_ALL { 0 } else { borrows };
+        let (own, others) = views[first_view..].split_at_mut((out.other_view - out.view) as usize);
+        let apart = own.len() as i32;
+        for (view, other) in own.iter_mut().zip(others) {
+            if matches!(view.kept, KEPT_BESIDE | KEPT_BOTH) {
+                view.base = apart;
+            }
+            std::mem::swap(&mut other.version, &mut other.other);
+            other.kept = around.kept[1];
+            if other.kept != KEPT_ALL {
+                other.base = -apart;
+            }
         }
-        *offset += span;
     }
     out
 }
@@ -302,7 +314,7 @@ fn rectangle(
 
 /// A square map over the whole scene, looking along `direction`, and the larger edge of its pixels in metres; the stored
 /// value grows towards the light.
-fn parallel_view(direction: Vec3, size: u32, around: &Surroundings, offset: u32) -> (View, f32) {
+fn parallel_view(direction: Vec3, size: u32, around: &Surroundings) -> (View, f32) {
     let z = -direction;
     let (x, y) = z.any_orthonormal_pair();
     let half = around.bounds.size() * 0.5005 + Vec3::splat(1e-4);
@@ -313,15 +325,15 @@ fn parallel_view(direction: Vec3, size: u32, around: &Surroundings, offset: u32)
         x: (x / reach(x)).to_array(),
         y: (y / reach(y)).to_array(),
         z: (z / (2.0 * reach(z))).to_array(),
-        offset,
+        depth: Address::default(),
         size,
         kind: VIEW_ORTHOGRAPHIC,
         cos_cone: -1.0,
         coarse: 0.0,
         version: around.version,
         other: around.other,
-        borrows: 0,
-        kept: KEPT_NOTHING,
+        base: 0,
+        kept: around.kept[0],
         asked: rectangle(origin, [x / reach(x), y / reach(y)], around, size),
     };
     (view, 2.0 * reach(x).max(reach(y)) / size as f32)
