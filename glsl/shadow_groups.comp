@@ -22,21 +22,19 @@ layout(push_constant, scalar) uniform Push {
     uint group_count;
 };
 
-void main() {
-    uint group = gl_GlobalInvocationID.x;
-    if (group >= group_count) return;
-    uint index = gl_GlobalInvocationID.y;
-    View view = views.at[index];
+// Groups of an invocation: they share the reading of the view.
+layout(constant_id = 1) const uint EACH = 1;
+
+void list(uint group, uint index, View view, uint open) {
     Instance instance = instances.at[groups.at[group].instance];
     bool in_both = stands(instance, view.other);
     // What was kept of the view need not be drawn.
-    bool drawn = view.kept < KEPT_BOTH || view.kept == KEPT_BOTH && !in_both;
+    bool drawn = view.kept < KEPT_BOTH || !in_both;
     bool asked = stands(instance, view.version) && drawn && (!in_both || view.base >= 0);
     vec3 offset = groups.at[group].center - view.origin;
     vec3 extent = groups.at[group].extent;
-    uint faces = asked ? faces_of(view, offset, extent) : 0;
+    uint faces = asked ? faces_of(view, offset, extent) & open : 0;
     if (LIMITED) {
-        faces &= open_faces(views, index);
         for (uint left = faces; left != 0; left &= left - 1) {
             uint face = uint(findLSB(left));
             bool out_of_it = unasked(view, face, views.at[index].asked[face], framed(face_axes(face, view.x, view.y, view.z), offset, extent));
@@ -54,4 +52,18 @@ void main() {
     uvec2 entry = uvec2(group, index | level << 6);
     if (in_both) both.at[atomicAdd(both_head.at[0].entries, 1)] = entry;
     else own.at[atomicAdd(own_head.at[0].entries, 1)] = entry;
+}
+
+void main() {
+    uint index = gl_WorkGroupID.y;
+    // Nor need any of what was kept whole.
+    if (views.at[index].kept == KEPT_ALL) return;
+    View view = views.at[index];
+    uint open = LIMITED ? open_faces(views, index) : 31;
+    uint group = gl_WorkGroupID.x * gl_WorkGroupSize.x * EACH + gl_LocalInvocationIndex;
+    for (uint left = EACH;;) {
+        if (group < group_count) list(group, index, view, open);
+        group += gl_WorkGroupSize.x;
+        if (--left == 0) break;
+    }
 }

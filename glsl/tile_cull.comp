@@ -3,6 +3,7 @@
 // each form. A pair is left out only where the contribution is exactly 0.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_atomic_int64 : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
 #include "common.glsl"
 #include "view.glsl"
 #include "hidden.glsl"
@@ -12,7 +13,7 @@ const float CONE_SLACK = 1e-5;
 
 layout(local_size_x = 64) in;
 
-// Tiles of an invocation: they share the reading of the lights.
+// Tiles of an invocation, one after the other: they share the reading of the lights.
 layout(constant_id = 0) const uint EACH = 1;
 
 layout(push_constant, scalar) uniform Push {
@@ -58,13 +59,14 @@ const float LIFTED = 0.6, PUSHED = 2.2, BEYOND = 4.0;
 // tile: the box meets the bundle of the tile's lookups, which all begin in one point and are as wide at the tile as the
 // tile and as far as depth maps are looked up beside a receiver. A little beyond the tile, too: what covers a receiver closely
 // hides it where its pixel's ray meets that.
-bool differs(uint i, vec3 center, vec3 extent) {
+// `corner`: how much further than the box's own corners those of boxes within it may be, each counted from its middle.
+bool differs(uint i, vec3 center, vec3 extent, float corner) {
     uint kind = lights.at[i].kind;
     bool parallel = kind == LIGHT_DIRECTIONAL;
     vec3 origin = lights.at[i].origin;
     vec3 normal = lights.at[i].normal;
     vec3 way = parallel ? normal : center - origin;
-    float distance = parallel ? 0.0 : length(way) + length(extent);
+    float distance = parallel ? 0.0 : length(way) + corner * length(extent);
     // Receivers this close to an emitter's plane are moved out of it (VPL13 fig. 8).
     bool area = kind == LIGHT_POLYGON || kind == LIGHT_DISK;
     float height = abs(dot(normal, center - lights.at[i].position)) - dot(abs(normal), extent);
@@ -83,13 +85,27 @@ bool differs(uint i, vec3 center, vec3 extent) {
     return false;
 }
 
+// Those of the lights of `asked` that may differ somewhere on the subgroup's tiles, which lie between `low` and `high`: every
+// invocation asks some of them about all tiles.
+uint differ_somewhere(uint asked, vec3 low, vec3 high) {
+    asked = subgroupOr(asked);
+    low = subgroupMin(low);
+    high = subgroupMax(high);
+    vec3 center = 0.5 * (low + high);
+    vec3 extent = (0.5 + 1e-5) * (high - low) + 1e-6 * abs(center);
+    uint found = 0;
+    for (uint i = gl_SubgroupInvocationID; i < (asked != 0 ? light_count : 0); i += gl_SubgroupSize)
+        found |= differs(i, center, extent, 1.5) ? 1u << i : 0u;
+    return asked & subgroupOr(found);
+}
+
 // Those of the lights of `asked` whose light on the tile is the same in both of their versions.
 uint alike(uint asked, vec3 center, vec3 extent) {
     uint same = 0;
     for (;;) {
         uint i = uint(findLSB(asked));
         asked &= asked - 1;
-        same |= differs(i, center, extent) ? 0u : 1u << i;
+        same |= differs(i, center, extent, 1.0) ? 0u : 1u << i;
         if (asked == 0) break;
     }
     return same;
@@ -223,7 +239,7 @@ void list(uint tile, uint reaching) {
 }
 
 void main() {
-    uint first = gl_WorkGroupID.x * gl_WorkGroupSize.x * EACH + gl_LocalInvocationIndex;
+    uint first = gl_GlobalInvocationID.x * EACH;
     Instance whose[EACH];
     vec3 centers[EACH], extents[EACH], axes[EACH];
     float cones[EACH];
@@ -231,9 +247,9 @@ void main() {
     // Lights that the tile may see, and those of them that light it in both of their versions.
     uint reaching[EACH], both[EACH];
     [[unroll]] for (uint k = 0; k < EACH; ++k) {
-        uint tile = min(first + k * gl_WorkGroupSize.x, tile_count - 1);
+        uint tile = min(first + k, tile_count - 1);
         uint instance = tiles.at[tile].instance;
-        bool any = first + k * gl_WorkGroupSize.x < tile_count && instance != NONE;
+        bool any = first + k < tile_count && instance != NONE;
         // One that has ended before it began stands in no version.
         whose[k] = Instance(0, 0, 0);
         parts_of[k] = 0;
@@ -268,15 +284,26 @@ void main() {
         }
         if (++i == light_count) break;
     }
+    uint asked = 0;
+    vec3 low = vec3(1e30), high = vec3(-1e30);
+    [[unroll]] for (uint k = 0; k < EACH; ++k) {
+        bool changes = (reaching[k] & both[k]) != 0;
+        asked |= reaching[k] & both[k];
+        low = changes ? min(low, centers[k] - extents[k]) : low;
+        high = changes ? max(high, centers[k] + extents[k]) : high;
+    }
+    // The first of the dear tests by itself, for all tiles and then for each: of a local edit it leaves little.
+    uint differing = differ_somewhere(asked, low, high);
     uint at = 0;
     for (;;) {
-        uint tile = first + at * gl_WorkGroupSize.x;
+        uint tile = first + at;
         uint left = 0, ask = 0;
         [[unroll]] for (uint k = 0; k < EACH; ++k) {
             left = at == k ? reaching[k] : left;
             ask = at == k ? reaching[k] & both[k] : ask;
         }
-        // The first of the dear tests by itself: of a local edit it leaves little.
+        left &= ~(ask & ~differing);
+        ask &= differing;
         if (ask != 0) left &= ~alike(ask, tiles.at[tile].center, tiles.at[tile].extent);
         if (left != 0) list(tile, left);
         if (++at == EACH) break;

@@ -219,8 +219,10 @@ impl Instance {
             )]
         } else {
             let mut driver_properties = vk::PhysicalDeviceDriverProperties::default();
-            let mut properties2 =
-                vk::PhysicalDeviceProperties2::default().push_next(&mut driver_properties);
+            let mut subgroups = vk::PhysicalDeviceSubgroupProperties::default();
+            let mut properties2 = vk::PhysicalDeviceProperties2::default()
+                .push_next(&mut driver_properties)
+                .push_next(&mut subgroups);
             // SAFETY: as above; the chain is valid for a 1.3 device.
             unsafe {
                 self.raw
@@ -235,7 +237,14 @@ impl Instance {
                 text(driver_properties.driver_info_as_c_str())
             );
             // SAFETY: as above.
-            features::missing(&unsafe { Features::supported(&self.raw, handle) })
+            let mut missing = features::missing(&unsafe { Features::supported(&self.raw, handle) });
+            if !subgroups
+                .supported_operations
+                .contains(vk::SubgroupFeatureFlags::ARITHMETIC)
+            {
+                missing.push("subgroup arithmetic".to_owned());
+            }
+            missing
         };
         DeviceInfo {
             index,

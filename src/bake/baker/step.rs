@@ -15,8 +15,9 @@ use crate::gpu::GpuError;
 const PATHS_AT_ONCE: usize = 4096;
 /// The share of a step's time that tracing may take before the map is updated with what is known.
 const TRACING_SHARE: f64 = 0.3;
-/// Direct lights sent after an edit before its paths are traced.
-const LIGHTS_AHEAD: u64 = 32;
+/// What direct lights after the first take on the device, about, that are sent after an edit before its paths are traced: as
+/// long as the host is busy with these.
+const AHEAD: Duration = Duration::from_millis(100);
 
 /// How far [`Baker::step`] goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,8 +132,7 @@ impl Baker {
                 break;
             }
             let total = self.plan.lights();
-            let ahead = self.illumination.lights_taken();
-            let mut batch = 1;
+            let mut first = true;
             while let Some(update) = self.next(direct) {
                 self.perform(&update)?;
                 updates += 1;
@@ -144,13 +144,12 @@ impl Baker {
                     self.illumination.send()?;
                     return Ok(self.standing(updates));
                 }
-                let taken = self.illumination.lights_taken() - ahead;
-                // What is seen first is not to wait for its batch to fill, nor for a large one.
-                if direct && taken >= batch {
+                // What is seen first is not to wait for its batch to fill.
+                if direct && first {
                     self.illumination.send()?;
-                    batch = 2 * taken;
+                    first = false;
                 }
-                if direct && taken >= LIGHTS_AHEAD {
+                if direct && self.illumination.expected() >= AHEAD {
                     break;
                 }
             }

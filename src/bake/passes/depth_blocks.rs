@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::shadow_groups::Uploaded;
 use crate::bake::device::shaders;
-use crate::bake::device::shared::VIEW_BLOCKS;
+use crate::bake::device::shared::{BLOCKS, VIEW_BLOCKS};
 use crate::gpu::{Address, Commands, Gpu, Pipeline, Result, Stage};
 
 /// The pass.
@@ -33,7 +33,7 @@ impl BlockPass {
         cmd.scope("depth blocks", |cmd| {
             let push = Push { views: views.at };
             let pipeline = &self.pipelines[usize::from(views.limited)];
-            cmd.dispatch(pipeline, &push, [VIEW_BLOCKS, views.count, 1]);
+            cmd.dispatch(pipeline, &push, [2 * VIEW_BLOCKS / BLOCKS, views.count, 1]);
         });
         cmd.barrier(Stage::All, Stage::All);
     }

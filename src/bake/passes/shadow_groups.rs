@@ -13,6 +13,8 @@ use crate::gpu::{Address, Buffer, Commands, Gpu, Memory, Pipeline, Result, Stage
 pub(super) struct GroupPass {
     /// For views without limits, and with.
     pipelines: [Pipeline; 2],
+    /// Groups of an invocation.
+    each: u32,
     heads: Heads,
     /// Of whole triangles and of masked ones: the groups that stand in both of a light's versions, in one.
     lists: [[Buffer; 2]; 2],
@@ -50,10 +52,13 @@ struct Push {
 
 impl GroupPass {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let pipeline = |limited| gpu.pipeline(shaders::SHADOW_GROUPS, &[limited]);
+        // On lavapipe every invocation reads the view by itself.
+        let each = if gpu.info().kind == "CPU" { 8 } else { 1 };
+        let pipeline = |limited| gpu.pipeline(shaders::SHADOW_GROUPS, &[limited, each]);
         let list = || gpu.buffer("shadow groups", 16, Memory::Device);
         Ok(Self {
             pipelines: [pipeline(0)?, pipeline(1)?],
+            each,
             heads: Heads::new(gpu, "shadow group lists", 4)?,
             lists: [[list()?, list()?], [list()?, list()?]],
         })
@@ -90,7 +95,8 @@ impl GroupPass {
                     group_count: chunks.group_count(),
                 };
                 let pipeline = &self.pipelines[usize::from(views.limited)];
-                cmd.dispatch(pipeline, &push, [chunks.group_count(), views.count, 1]);
+                let threads = chunks.group_count().div_ceil(self.each);
+                cmd.dispatch(pipeline, &push, [threads, views.count, 1]);
             }
             self.heads.finish(cmd, &[]);
         });

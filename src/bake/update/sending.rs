@@ -51,6 +51,14 @@ impl Illumination {
         self.allowance.map_or(Duration::ZERO, |a| a.left())
     }
 
+    /// What the lights that wait will take on the device, about.
+    pub(in crate::bake) fn expected(&self) -> Duration {
+        let mut kinds = Counts::default();
+        let waiting = self.queues.iter().flat_map(|q| &q.pending);
+        waiting.for_each(|p| kinds[p.kind()] += 1);
+        Duration::from_secs_f64(self.costs.of(&kinds) * 1e-3)
+    }
+
     /// Whether lights wait that were taken in.
     pub(in crate::bake) fn is_behind(&self) -> bool {
         self.queues.iter().any(|q| !q.pending.is_empty())
@@ -273,11 +281,6 @@ impl Illumination {
             self.send()?;
         }
         Ok(())
-    }
-
-    /// Virtual lights taken in so far, subtractions included: sent, or about to be.
-    pub(in crate::bake) fn lights_taken(&self) -> u64 {
-        self.taken_and_done().0.iter().sum()
     }
 
     /// Lights taken in, indirect and direct ones, and of these those that are in the map.
