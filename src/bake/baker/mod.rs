@@ -12,6 +12,7 @@ pub(super) mod step;
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::bake::device::records::ShadowSizes;
 use crate::bake::job::progress::{Listener, Stage, Stages};
@@ -91,6 +92,9 @@ pub struct Baker {
     pub(super) wanted: Wanted,
     /// The wanted cells are those of the clusters and the target.
     pub(super) settled: bool,
+    /// How long paths were traced since the last plan was made, and how long that took.
+    pub(super) traced: Duration,
+    pub(super) planning: Duration,
     /// An edit came, and direct light has not followed it yet.
     pub(super) edited: bool,
     pub(super) holdings: Holdings,
@@ -195,6 +199,8 @@ impl Baker {
             clusters,
             wanted: Wanted::new(),
             settled: false,
+            traced: Duration::ZERO,
+            planning: Duration::ZERO,
             edited: false,
             holdings,
             camera: None,

@@ -24,7 +24,8 @@ const AHEAD: Duration = Duration::from_millis(100);
 pub enum Limit {
     /// Until nothing is left to do.
     Converged,
-    /// For about so long; at least one update, if there is one.
+    /// For about so long; at least one update, if there is one. Updates are sent whole and many at once, because that is fastest:
+    /// where the device takes longer for them than this, so do steps. [`Limit::Slice`] is for those who draw frames meanwhile.
     Time(Duration),
     /// For so many updates.
     Updates(u64),
@@ -196,14 +197,22 @@ impl Baker {
         if self.settled && self.validator.is_valid() {
             return Ok(());
         }
+        let start = Instant::now();
         while !self.validator.is_valid() {
+            self.settled = false;
             self.trace(until.map_or(usize::MAX, |_| PATHS_AT_ONCE));
             if until.is_some_and(|until| Instant::now() >= until) {
                 break;
             }
         }
-        self.plan_wanted(true)?;
-        self.settled = true;
+        // A plan is made for all paths at once: while some are left, no more time goes into plans than into paths.
+        self.traced += start.elapsed();
+        if self.validator.is_valid() || self.plan.len() == 0 || self.traced >= self.planning {
+            let start = Instant::now();
+            self.plan_wanted(true)?;
+            (self.traced, self.planning) = (Duration::ZERO, start.elapsed());
+            self.settled = true;
+        }
         Ok(())
     }
 
