@@ -132,6 +132,8 @@ void main() {
         float comes = difference ? (stands(instance, light.version) ? 1.0 : 0.0) : float(light.sign);
         float goes = stands(instance, light.other) ? -1.0 : 0.0;
         uint versions = difference ? 2 : 1;
+        // Direct light alone: of indirect light hardly any stays where it is when another flux comes.
+        bool dimmed = OWN_VIEW && any(notEqual(light.other_flux, vec3(0.0)));
         vec3 moved[TEXELS];
         float factors[TEXELS];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
@@ -180,6 +182,7 @@ void main() {
                 float seen = OWN_VIEW ? visibility(light.radius, facing(front, back, moved[k]), moved[k], faces[k], clearances[k])
                                       : visibility(Uints(front.depth), sights[k]);
                 add(light.flux, values[k] * seen, times, high[k], low[k]);
+                if (dimmed) add(light.other_flux, values[k] * seen, -1.0, high[k], low[k]);
             }
             if (++version == versions) break;
         }

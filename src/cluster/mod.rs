@@ -54,6 +54,14 @@ pub struct VirtualLight {
     pub direct: bool,
 }
 
+impl VirtualLight {
+    /// Whether another light is this one, but for its flux.
+    pub(crate) fn is_dimmed(&self, other: &Self) -> bool {
+        let at = |light: &Self| (light.position, light.normal, light.direct);
+        at(self) == at(other) && self.shape == other.shape
+    }
+}
+
 /// The emitter's geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {

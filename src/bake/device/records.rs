@@ -184,6 +184,7 @@ pub(in crate::bake) struct Light {
     pub position: [f32; 3],
     pub normal: [f32; 3],
     pub flux: [f32; 3],
+    pub other_flux: [f32; 3],
     pub area: f32,
     pub radius: f32,
     pub spot_scale: f32,

@@ -133,6 +133,7 @@ fn records_lie_in_memory_as_the_shaders_read_them() {
                 offset_of!(Light, position),
                 offset_of!(Light, normal),
                 offset_of!(Light, flux),
+                offset_of!(Light, other_flux),
                 offset_of!(Light, area),
                 offset_of!(Light, radius),
                 offset_of!(Light, spot_scale),

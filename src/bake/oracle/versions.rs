@@ -236,23 +236,28 @@ fn every_way_to_a_scene_ends_at_the_same_sums() {
             for _ in 0..8 {
                 let at = choose(&mut numbers, held.len());
                 let (light, parts, old) = held[at].clone();
-                match choose(&mut numbers, 3) {
+                match choose(&mut numbers, 4) {
                     0 => {
                         map.push_difference(parts, &light, old, version)
                             .expect("update");
                         held[at].2 = version;
                     }
                     1 => {
-                        map.push_to(parts, light.clone(), Sign::Subtract, old)
-                            .expect("update");
-                        map.push_to(parts, light, Sign::Add, version)
-                            .expect("update");
+                        // Dimmed, and brighter again in the same scene.
+                        for (factor, from) in [(0.4, old), (1.9, version)] {
+                            let (light, parts, _) = held[at].clone();
+                            let flux = light.flux * factor;
+                            held[at].0.flux = flux;
+                            let new = (held[at].0.clone(), version);
+                            map.exchange(parts, [(light, from)], [new]).expect("update");
+                        }
                         held[at].2 = version;
                     }
-                    _ => {
-                        map.push_to(parts, light, Sign::Subtract, old)
+                    which => {
+                        map.push_to(parts, light.clone(), Sign::Subtract, old)
                             .expect("update");
-                        let new = random_light(&mut numbers, at % 5);
+                        let other = random_light(&mut numbers, at % 5);
+                        let new = if which == 2 { light } else { other };
                         map.push_to(parts, new.clone(), Sign::Add, version)
                             .expect("update");
                         held[at] = (new, parts, version);

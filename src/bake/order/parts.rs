@@ -31,7 +31,7 @@ pub(in crate::bake) fn join(updates: Vec<Update>, is_one: impl Fn(&CellId) -> bo
 const HARDLY_SEEN: f64 = 0.01;
 
 /// Does first what is seen of updates of the whole map: in two steps, where the first shows more for its work. What hardly
-/// shows is done in one, which takes less in all, and so is direct light, whose maps are not kept.
+/// shows is done in one, which takes less in all, and so is direct light, which comes first anyhow.
 pub(in crate::bake) fn seen_first(updates: Vec<Update>) -> Vec<Update> {
     let seen = |update: &Update| update.shown[0].powi(2);
     let left = HARDLY_SEEN.powi(2) * updates.iter().map(seen).sum::<f64>();

@@ -160,6 +160,9 @@ impl KeptMaps {
             keeping.load_other = Some(slot);
             self.release(&old, new.parts);
             (keeping.load, keeping.store) = self.hold(key, new.parts);
+        } else if new.flux.is_some() && self.find(&key).is_some() {
+            // What goes refers to it, and what comes will.
+            keeping.load = self.find(&key);
         } else if new.sign == Sign::Add {
             (keeping.load, keeping.store) = self.hold(key, new.parts);
         } else {
@@ -269,6 +272,7 @@ mod tests {
             sign,
             version,
             other,
+            flux: None,
             parts,
             update: 0,
             keeping: Keeping::default(),

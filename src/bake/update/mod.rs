@@ -2,6 +2,7 @@
 //! under, in batches whose size follows measured time.
 
 mod allowance;
+mod exchange;
 mod kept;
 mod pending;
 mod sending;
@@ -10,9 +11,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::time::Instant;
 
-use crate::bake::device::records::{
-    self, Parts, Region, ShadowSizes, hemicube_bytes, parallel_bytes,
-};
+use crate::bake::device::records::{Region, ShadowSizes, hemicube_bytes, parallel_bytes};
 use crate::bake::device::shared::BATCH;
 use crate::bake::job::report::ShadowCounts;
 use crate::bake::passes::accumulate::{self, AccumulatePass, Evaluation};
@@ -21,14 +20,13 @@ use crate::bake::world::changes::Changed;
 use crate::bake::world::occluders::Occluders;
 use crate::bake::world::place::Receivers;
 use crate::bake::world::versions::{Version, Versions};
-use crate::cluster::{Shape, VirtualLight};
 use crate::gpu::{Buffer, Gpu, Result, Stage, Ticket};
 use crate::lightmap::texels::Texels;
 use crate::scene::Scene;
 use allowance::{Allowance, Costs, Counts};
-use kept::{Keeping, KeptMaps};
+use kept::KeptMaps;
+use pending::Queue;
 pub use pending::Sign;
-use pending::{Pending, Queue};
 
 /// Depth maps of one batch, but for those that are kept.
 const DEPTH_BYTES: u64 = 256 << 20;
@@ -241,97 +239,6 @@ impl Illumination {
         self.receivers.divide(&mut cmd, seen)?;
         self.in_flight.push_back(Flight::of(cmd.submit()?));
         Ok(())
-    }
-
-    /// Takes a light in, as it shines in a version of the scene; it is sent with its batch, at the latest by
-    /// [`Illumination::flush`].
-    pub fn push(&mut self, light: VirtualLight, sign: Sign, version: Version) -> Result<()> {
-        self.push_to(Parts::ALL, light, sign, version)
-    }
-
-    /// As [`Illumination::push`], for some parts of the map.
-    pub(super) fn push_to(
-        &mut self,
-        parts: Parts,
-        light: VirtualLight,
-        sign: Sign,
-        version: Version,
-    ) -> Result<()> {
-        self.enter(Pending {
-            light,
-            sign,
-            version,
-            other: version,
-            parts,
-            update: self.updates,
-            keeping: Keeping::default(),
-        })
-    }
-
-    /// Brings a light that was added under one version to another: takes it away where the change between the two can
-    /// make a difference, and adds it there again. The sums become what they would be had the light been added under `to`,
-    /// bit for bit. Returns whether the change can make a difference to it.
-    pub fn push_difference(
-        &mut self,
-        parts: Parts,
-        light: &VirtualLight,
-        from: Version,
-        to: Version,
-    ) -> Result<bool> {
-        if from == to {
-            return Ok(false);
-        }
-        let between = self.versions.between(from, to);
-        let regions = &between.lookups;
-        let epsilon = self.accumulate.epsilon();
-        if regions.is_empty() || records::misses(light, &self.sizes, regions, epsilon) {
-            self.kept.rename(light, parts, from, to);
-            return Ok(false);
-        }
-        // A parallel light's depth map spans the whole scene: with other bounds every pixel is another.
-        let parallel = matches!(light.shape, Shape::Directional { .. });
-        if parallel && self.versions.bounds(from) != self.versions.bounds(to) {
-            self.push_to(parts, light.clone(), Sign::Subtract, from)?;
-            self.push_to(parts, light.clone(), Sign::Add, to)?;
-            return Ok(true);
-        }
-        self.enter(Pending {
-            light: light.clone(),
-            sign: Sign::Add,
-            version: to,
-            other: from,
-            parts,
-            update: self.updates,
-            keeping: Keeping::default(),
-        })?;
-        Ok(true)
-    }
-
-    /// Takes lights away and adds others, each under its version; what is among both only goes from one version to the
-    /// other. Does so in some parts of the map. Returns how many were taken away, added, and limited to what changed.
-    pub fn exchange(
-        &mut self,
-        parts: Parts,
-        leaving: impl IntoIterator<Item = (VirtualLight, Version)>,
-        coming: impl IntoIterator<Item = (VirtualLight, Version)>,
-    ) -> Result<[u64; 3]> {
-        self.updates += 1;
-        let mut evaluated = [0; 3];
-        let mut leaving: Vec<_> = leaving.into_iter().collect();
-        for (light, to) in coming {
-            if let Some(at) = leaving.iter().position(|(old, _)| *old == light) {
-                let (_, from) = leaving.swap_remove(at);
-                evaluated[2] += u64::from(self.push_difference(parts, &light, from, to)?);
-            } else {
-                self.push_to(parts, light, Sign::Add, to)?;
-                evaluated[1] += 1;
-            }
-        }
-        evaluated[0] = leaving.len() as u64;
-        for (light, from) in leaving {
-            self.push_to(parts, light, Sign::Subtract, from)?;
-        }
-        Ok(evaluated)
     }
 
     pub(super) fn pass(&self) -> &AccumulatePass {

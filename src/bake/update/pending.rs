@@ -1,5 +1,7 @@
 //! Lights on their way to the device, and what they will take there.
 
+use glam::Vec3;
+
 use super::allowance;
 use super::kept::Keeping;
 use crate::bake::device::records::{Parts, Version};
@@ -23,6 +25,8 @@ pub(super) struct Pending {
     pub version: Version,
     /// The version that a difference takes it away from; the same where the whole light comes or goes.
     pub other: Version,
+    /// Of direct light, the flux that it had, which goes where it comes.
+    pub flux: Option<Vec3>,
     /// Of the map, which it is to reach.
     pub parts: Parts,
     /// The number of the update that it is part of.

@@ -7,7 +7,9 @@ use super::allowance::{Allowance, Counts};
 use super::kept::Keeping;
 use super::pending::{Pending, Sign};
 use super::{Flight, Illumination};
-use crate::bake::device::records::{self, Region, Surroundings, hemicube_bytes, parallel_bytes};
+use crate::bake::device::records::{
+    self, Light, Region, Surroundings, hemicube_bytes, parallel_bytes,
+};
 use crate::bake::device::shared::{BATCH, KEPT_ALL, KEPT_BESIDE, KEPT_BOTH, KEPT_NOTHING};
 use crate::bake::passes::accumulate::Batch;
 use crate::bake::passes::shadow::{MAX_VIEWS, Maps, Place};
@@ -218,7 +220,11 @@ impl Illumination {
                     at += views[view as usize].bytes();
                 }
             }
-            lights.push(light);
+            let other_flux = pending.flux.unwrap_or_default().to_array();
+            lights.push(Light {
+                other_flux,
+                ..light
+            });
         }
         let mut cmd = self.gpu.commands()?;
         cmd.barrier(Stage::All, Stage::All);
