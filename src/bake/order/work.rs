@@ -9,8 +9,8 @@ use crate::cluster::VirtualLight;
 const DRAW: f64 = 0.6;
 /// What a direct light takes of an indirect one: its maps are finer, and its shadows softer.
 const DIRECT: f64 = 4.0;
-/// What following a light to another scene takes at least, though it is limited to the shadows of what changed: culling, and two maps
-/// to fetch.
+/// What following a light to another scene takes at least, though it is limited to the shadows of what changed: culling, and a map
+/// that begins as another.
 const LIMITED: f64 = 0.15;
 /// What it takes besides where everything is in these shadows: what changed is drawn alone, where something only came.
 const FOLLOWED: f64 = 0.6;

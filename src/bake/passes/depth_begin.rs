@@ -28,7 +28,7 @@ struct ClearPush {
 
 impl BeginPass {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let clear = gpu.pipeline(shaders::DEPTH_CLEAR, &[])?;
+        let clear = gpu.pipeline(shaders::DEPTH_BEGIN, &[])?;
         Ok(Self { clear })
     }
 

@@ -9,7 +9,7 @@ pub(super) const KINDS: usize = 2 * 3 * 3;
 /// Whole, with depth maps to draw.
 pub(super) const DRAWN: usize = 0;
 /// Whole, with depth maps that were kept.
-pub(super) const FETCHED: usize = 1;
+pub(super) const KEPT: usize = 1;
 /// Limited to what changed.
 pub(super) const DIFFERENCE: usize = 2;
 

@@ -44,7 +44,7 @@ impl Pending {
     pub fn kind(&self) -> usize {
         let how = match (self.version != self.other, self.keeping.load) {
             (true, _) => allowance::DIFFERENCE,
-            (false, Some(_)) => allowance::FETCHED,
+            (false, Some(_)) => allowance::KEPT,
             (false, None) => allowance::DRAWN,
         };
         let part = Parts::EACH.iter().position(|part| *part == self.parts);
