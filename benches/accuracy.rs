@@ -12,8 +12,9 @@ use rebake::scene::{Aperture, Scene};
 use rebake::transport::bvh::{SceneBvh, weights};
 use rebake::transport::emission::{Emitter, SpotFalloff, mean};
 use rebake::transport::intersect::offset;
-use rebake::transport::paths::{PathSettings, emitters, trace};
+use rebake::transport::paths::{PathSettings, emitters};
 use rebake::transport::sampling::{Distribution, Sequence, cosine_hemisphere, triangle};
+use rebake::transport::trace;
 
 struct Point {
     position: Vec3,

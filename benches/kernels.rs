@@ -11,15 +11,15 @@ use glam::{Affine3A, Vec2, Vec3};
 use rebake::cluster::cell::Cell;
 use rebake::cluster::polygon::{self, Plane, Region};
 use rebake::cluster::similarity::Groups;
+use rebake::cluster::sums::key_of;
 use rebake::cluster::{
     Budget, CellId, Clusters, FluxScale, Forest as _, Octree, SimilaritySettings, Wanted,
 };
 use rebake::scene::edit::Change;
 use rebake::scene::{Scene, builtin};
-use rebake::transport::emission::mean;
 use rebake::transport::intersect::offset;
-use rebake::transport::paths::{PathSet, PathSettings, trace};
 use rebake::transport::sampling::{Sequence, cosine_hemisphere};
+use rebake::transport::{PathSet, PathSettings, trace};
 use rebake::transport::{SceneBvh, Validator, Vpl};
 
 /// Paths of the larger kernels.
@@ -275,12 +275,11 @@ fn cells(group: &mut Group, lit: &Lit) {
 }
 
 fn balance(group: &mut Group, lit: &Lit) {
-    let scale = FluxScale::new(lit.settings.flux_per_path);
     group.throughput(Throughput::Elements(lit.vpls.len() as u64));
     group.bench_function("metric", |b| {
         b.iter(|| {
             let keys = lit.vpls.iter();
-            keys.map(|v| scale.key(mean(v.flux), 0.5, 0.1))
+            keys.map(|v| key_of(v.weight(), 0.5, 0.1))
                 .fold(0u64, u64::wrapping_add)
         });
     });

@@ -132,8 +132,7 @@ void main() {
         float comes = difference ? (stands(instance, light.version) ? 1.0 : 0.0) : float(light.sign);
         float goes = stands(instance, light.other) ? -1.0 : 0.0;
         uint versions = difference ? 2 : 1;
-        // Direct light alone: of indirect light hardly any stays where it is when another flux comes.
-        bool dimmed = OWN_VIEW && any(notEqual(light.other_flux, vec3(0.0)));
+        bool dimmed = any(notEqual(light.other_flux, vec3(0.0)));
         vec3 moved[TEXELS];
         float factors[TEXELS];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {

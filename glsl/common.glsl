@@ -119,7 +119,7 @@ struct Light {
     vec3 position;
     vec3 normal;
     vec3 flux;      // polygon, disk: lumens; point, spot: candela; directional: lux
-    vec3 other_flux; // of direct light: what it had, which goes where it comes; or 0
+    vec3 other_flux; // what it had, which goes where it comes; or 0
     float area;
     float radius;   // of a sphere around position that holds the emitter
     float spot_scale;

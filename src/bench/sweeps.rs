@@ -14,7 +14,7 @@ use crate::gpu::GpuError;
 use crate::lightmap::AtlasOptions;
 use crate::scene::Scene;
 use crate::transport::SceneBvh;
-use crate::transport::paths::{PathSettings, trace};
+use crate::transport::{PathSettings, trace};
 
 /// Cells of a bake of which only the time per virtual light matters.
 const FEW_CELLS: u32 = 64;

@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::facet::{Facet, extent, facet_lights};
 use super::starts::{Linker, Start};
-use super::sums::FluxScale;
+use super::sums::key_of;
 use super::{Shape, VirtualLight};
 use crate::scene::{Aperture, Light};
 use crate::transport::Emission;
@@ -60,12 +60,11 @@ pub struct ApertureTree {
     linker: Option<Linker>,
     /// What stands for a light without extent.
     single: Option<VirtualLight>,
-    scale: FluxScale,
 }
 
 impl ApertureTree {
     /// The tree of a light, whose paths feed the metric.
-    pub fn new(light: &Light, emitter: &Emitter, paths: &LightPaths, scale: &FluxScale) -> Self {
+    pub fn new(light: &Light, emitter: &Emitter, paths: &LightPaths) -> Self {
         let single = punctual(light);
         let linker = single.is_none().then(|| Linker::new(emitter.pieces()));
         let starts = linker.iter().flat_map(|linker| {
@@ -75,13 +74,11 @@ impl ApertureTree {
         let numbers = (0..linker.iter().map(|l| l.sides().len() as u32).sum()).collect();
         let builder = Builder {
             sides: linker.as_ref().map_or(&[], |l| l.sides()),
-            scale,
         };
         Self {
             root: builder.node(numbers, starts.collect(), f64::INFINITY),
             single,
             linker,
-            scale: *scale,
         }
     }
 
@@ -90,7 +87,6 @@ impl ApertureTree {
         let Some(linker) = &self.linker else { return };
         let builder = Builder {
             sides: linker.sides(),
-            scale: &self.scale,
         };
         let start = |e: &Option<Emission>| linker.start(change.path, e.as_ref()?);
         if let Some(old) = start(&change.old) {
@@ -136,12 +132,12 @@ impl ApertureTree {
 }
 
 impl ApertureNode {
-    /// The balancing metric, in units of [`FluxScale`].
+    /// The balancing metric ([`super::sums::Sums::key`]).
     pub fn key(&self) -> u64 {
         self.key
     }
 
-    /// Flux times albedo met, the key of an aperture without end, in units of [`FluxScale`].
+    /// Weight times albedo met, the key of an aperture without end ([`super::sums::Sums::contribution`]).
     pub fn contribution(&self) -> u64 {
         self.contribution
     }
@@ -172,22 +168,20 @@ impl Rule {
     }
 }
 
+/// A start's part of a node's key and contribution.
+fn weigh(start: &Start, radius: f64) -> [u64; 2] {
+    let key = |weight, near| key_of(weight, start.albedo, near);
+    [
+        key(DIRECT_WEIGHT, f64::from(start.distance) / radius),
+        key(1.0, 0.0),
+    ]
+}
+
 struct Builder<'a> {
     sides: &'a [Facet],
-    scale: &'a FluxScale,
 }
 
 impl Builder<'_> {
-    /// A start's part of a node's key and contribution.
-    fn weigh(&self, start: &Start, radius: f64) -> [u64; 2] {
-        let flux = self.scale.flux_per_path() as f32;
-        let key = |flux, near| self.scale.key(flux, start.albedo, near);
-        [
-            key(flux * DIRECT_WEIGHT, f64::from(start.distance) / radius),
-            key(flux, 0.0),
-        ]
-    }
-
     /// Several facets, or one that can be cut into pieces.
     fn node(&self, numbers: Vec<u32>, starts: Vec<Start>, radius: f64) -> ApertureNode {
         let facets = numbers.iter().map(|&n| self.sides[n as usize].clone());
@@ -203,7 +197,7 @@ impl Builder<'_> {
         radius: f64,
     ) -> ApertureNode {
         let radius = extent(facets.iter().flat_map(|f| &f.vertices)).min(radius);
-        let sums = starts.iter().map(|s| self.weigh(s, radius));
+        let sums = starts.iter().map(|s| weigh(s, radius));
         let [key, contribution] = sums.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
         let mut node = ApertureNode {
             key,
@@ -285,7 +279,7 @@ impl Builder<'_> {
     }
 
     fn add(&self, node: &mut ApertureNode, start: Start) {
-        let [key, contribution] = self.weigh(&start, node.radius);
+        let [key, contribution] = weigh(&start, node.radius);
         node.key += key;
         node.contribution += contribution;
         node.count += 1;
@@ -301,7 +295,7 @@ impl Builder<'_> {
 
     /// The start must be in the tree.
     fn remove(&self, node: &mut ApertureNode, start: &Start) {
-        let [key, contribution] = self.weigh(start, node.radius);
+        let [key, contribution] = weigh(start, node.radius);
         node.key -= key;
         node.contribution -= contribution;
         node.count -= 1;

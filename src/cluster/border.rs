@@ -177,6 +177,7 @@ mod tests {
             key,
             position,
             normal: Vec3::Y,
+            share: Vec3::ONE,
             flux: Vec3::ONE,
             object: 0,
             scatter,

@@ -131,14 +131,18 @@ fn spread(x: u64) -> u64 {
     .fold(x, |x, (shift, mask)| (x | x << shift) & mask)
 }
 
-fn grid_offset() -> f64 {
-    f64::from(ROOT_BITS).exp2() / 3.0
+const fn grid_offset() -> f64 {
+    (1u64 << ROOT_BITS) as f64 / 3.0
 }
 
 pub(super) fn grid(position: Vec3) -> [i64; 3] {
-    position
-        .to_array()
-        .map(|x| ((f64::from(x) + grid_offset()) * f64::from(FRACTION_BITS).exp2()).floor() as i64)
+    const UNITS: f64 = (1u64 << FRACTION_BITS) as f64;
+    position.to_array().map(|x| {
+        let x = (f64::from(x) + grid_offset()) * UNITS;
+        // Down, not towards zero; as `floor`, without a call.
+        let whole = x as i64;
+        whole - i64::from(whole as f64 > x)
+    })
 }
 
 /// Which of a cell's children at `level` holds the point.

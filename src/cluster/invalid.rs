@@ -80,9 +80,13 @@ impl Ledger {
                 (0..3).for_each(|c| invalid.differential[c] += units[c])
             });
         }
-        for [_, vpl] in &differences.rescattered {
-            octree(vpl, &|invalid, units| {
-                (0..3).for_each(|c| invalid.absolute[c] += units[c])
+        for [old, new] in &differences.revised {
+            let before = scale.units(old.flux);
+            octree(new, &|invalid, units| {
+                (0..3).for_each(|c| invalid.differential[c] += units[c] - before[c]);
+                if old.scatter != new.scatter {
+                    (0..3).for_each(|c| invalid.absolute[c] += units[c]);
+                }
             });
         }
         self.octree.retain(|_, i| *i != Invalid::default());
@@ -276,10 +280,10 @@ mod tests {
             ledger.note(&clusters, &held, &d);
             all.removed.extend(d.removed);
             all.added.extend(d.added);
-            all.rescattered.extend(d.rescattered);
+            all.revised.extend(d.revised);
             all.emissions.extend(d.emissions);
         }
-        assert!(!all.rescattered.is_empty() && !all.emissions.is_empty());
+        assert!(!all.revised.is_empty() && !all.emissions.is_empty());
         let mut total = 0.0;
         let octree = held.keys().filter_map(|id| match id {
             CellId::Octree(cell) => Some(*cell),
@@ -293,7 +297,7 @@ mod tests {
         for cell in octree {
             let differential =
                 units(&mut all.added.iter(), &cell) - units(&mut all.removed.iter(), &cell);
-            let absolute = units(&mut all.rescattered.iter().map(|[v, _]| v), &cell);
+            let absolute = units(&mut all.revised.iter().map(|[v, _]| v), &cell);
             let expected = (differential.abs() + absolute).element_sum() / 3.0;
             let found = ledger.flux(&CellId::Octree(cell));
             assert!((found - expected).abs() < 1e-5 * settings.flux_per_path.max(expected));

@@ -153,10 +153,7 @@ impl Clusters {
             .zip(&scene.lights)
             .filter_map(|(emitter, light)| {
                 let paths = paths.lights.get(&light.id())?;
-                Some((
-                    light.id(),
-                    (0, ApertureTree::new(light, emitter, paths, &scale)),
-                ))
+                Some((light.id(), (0, ApertureTree::new(light, emitter, paths))))
             })
             .collect();
         drop(span);
@@ -203,9 +200,7 @@ impl Clusters {
         for vpl in &differences.added {
             self.octree.add(vpl);
         }
-        for [old, new] in &differences.rescattered {
-            self.octree.rescatter(old, new);
-        }
+        self.octree.revise(&differences.revised);
         let version = self.octree.version();
         let changed: BTreeSet<u32> = differences.lights.iter().map(|l| l.light).collect();
         for emission in &differences.emissions {
@@ -220,12 +215,7 @@ impl Clusters {
                 continue;
             }
             if let Some(paths) = paths.lights.get(&light.id()) {
-                let tree = ApertureTree::new(
-                    light,
-                    &Emitter::new(scene, index),
-                    paths,
-                    self.octree.scale(),
-                );
+                let tree = ApertureTree::new(light, &Emitter::new(scene, index), paths);
                 self.apertures.insert(light.id(), (version, tree));
             }
         }

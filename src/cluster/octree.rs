@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::cell::{Cell, MAX_LEVEL, grid, octant};
 use super::sums::{FluxScale, Sums, terms};
 use crate::transport::Vpl;
+use revise::{Revision, Sought};
 
 /// A node with more VPLs than this has children, down to [`MAX_LEVEL`].
 pub const LEAF_CAPACITY: usize = 16;
@@ -46,7 +47,8 @@ impl Node {
         &self.sums
     }
 
-    /// The tree's version in which a VPL below was last added or removed; that a VPL's scatter changed does not count.
+    /// The tree's version in which a VPL below was last added, removed or given another flux; that a VPL's scatter changed
+    /// does not count.
     pub fn version(&self) -> u64 {
         self.version
     }
@@ -179,30 +181,6 @@ impl Node {
         }
         true
     }
-
-    /// False, and nothing changed, if the VPL is not here.
-    fn rescatter(&mut self, old: &Vpl, new: &Vpl, scale: &FluxScale, level: u8) -> bool {
-        let found = match &mut self.content {
-            Content::Leaf(vpls) => {
-                let vpl = vpls.binary_search_by_key(&old.key, |v| v.key).ok();
-                match vpl.map(|place| &mut vpls[place]) {
-                    Some(vpl) if vpl == old => {
-                        *vpl = *new;
-                        true
-                    }
-                    _ => false,
-                }
-            }
-            Content::Inner(parts) => parts[octant(grid(old.position), level + 1)]
-                .as_mut()
-                .is_some_and(|part| part.rescatter(old, new, scale, level + 1)),
-        };
-        if found {
-            self.sums.remove(&terms(old, scale, level));
-            self.sums.add(&terms(new, scale, level));
-        }
-        found
-    }
 }
 
 /// The tree over all VPLs of all lights and bounces: a pure function of their set.
@@ -284,10 +262,23 @@ impl Octree {
         removed
     }
 
-    /// Replaces a VPL by one that differs in its scatter alone; false if it is not in the tree.
-    pub fn rescatter(&mut self, old: &Vpl, new: &Vpl) -> bool {
-        let root = self.roots.get_mut(&Cell::at(old.position, 0).index);
-        root.is_some_and(|r| r.rescatter(old, new, &self.shared.scale, 0))
+    /// Replaces VPLs by others that differ in their flux or their scatter alone; returns how many of them are in the tree.
+    pub fn revise(&mut self, pairs: &[[Vpl; 2]]) -> usize {
+        let mut sought: BTreeMap<[i64; 3], Vec<Sought>> = BTreeMap::new();
+        for (pair, [old, _]) in pairs.iter().enumerate() {
+            let grid = grid(old.position);
+            let root = sought.entry(Cell::at(old.position, 0).index);
+            root.or_default().push(Sought { grid, pair });
+        }
+        let by = Revision {
+            pairs,
+            shared: self.shared,
+        };
+        let roots = sought.into_iter();
+        let revised = roots.filter_map(|(index, sought)| {
+            Some(self.roots.get_mut(&index)?.revise(sought, &by, 0).found)
+        });
+        revised.sum()
     }
 
     /// The root cells that hold VPLs.
@@ -322,5 +313,6 @@ impl Octree {
     }
 }
 
+mod revise;
 #[cfg(test)]
 mod tests;

@@ -3,7 +3,10 @@
 use glam::{DVec3, Vec3};
 
 use super::cell::ROOT_BITS;
-use crate::transport::{Vpl, emission::mean};
+use crate::transport::Vpl;
+
+/// Units that one path's energy has, and its weight.
+const PATH: f64 = (1 << 24) as f64;
 
 /// Fixed point for radiant flux: 2^24 units are one path's energy, so that sums of 2^37 VPLs fit 64 bits and keep
 /// no trace of what was added and removed.
@@ -16,32 +19,32 @@ impl FluxScale {
     /// For paths of this many lumens.
     pub fn new(flux_per_path: f64) -> Self {
         Self {
-            units_per_lumen: 24f64.exp2() / flux_per_path,
+            units_per_lumen: PATH / flux_per_path,
         }
     }
 
     /// The lumens of a path.
     pub fn flux_per_path(&self) -> f64 {
-        24f64.exp2() / self.units_per_lumen
+        PATH / self.units_per_lumen
     }
 
-    /// Lumens to units, rounded.
+    /// Lumens, none negative, to units, rounded.
     pub fn units(&self, flux: Vec3) -> [i64; 3] {
+        // A cast cuts off, and is an instruction where `round` is a call on processors of any age.
         flux.to_array()
-            .map(|f| (f64::from(f) * self.units_per_lumen).round() as i64)
+            .map(|f| (f64::from(f) * self.units_per_lumen + 0.5) as i64)
     }
 
     /// Units to lumens.
     pub fn lumens(&self, units: [i64; 3]) -> Vec3 {
         DVec3::from_array(units.map(|u| u as f64 / self.units_per_lumen)).as_vec3()
     }
+}
 
-    /// A term of the balancing metric, in units (see [`Sums::key`]).
-    pub fn key(&self, flux: f32, scatter_albedo: f32, relative_distance: f64) -> u64 {
-        let near = 1.0 / (1.0 + relative_distance);
-        (f64::from(flux) * f64::from(scatter_albedo) * self.units_per_lumen * (near * near)).floor()
-            as u64
-    }
+/// A term of the balancing metric (see [`Sums::key`]), of a weight in paths ([`Vpl::weight`]).
+pub fn key_of(weight: f32, scatter_albedo: f32, relative_distance: f64) -> u64 {
+    let near = 1.0 / (1.0 + relative_distance);
+    (f64::from(weight) * f64::from(scatter_albedo) * PATH * (near * near)) as u64
 }
 
 /// What a node knows of its VPLs: integers, so that removing what was added restores it exactly.
@@ -53,9 +56,9 @@ pub struct Sums {
     pub hits: u32,
     /// Units of [`FluxScale`], RGB.
     pub flux: [i64; 3],
-    /// What of the flux lights a surface up again, flux times albedo met: the key of a cell without end (IBGI equation 4).
+    /// What of the light lights a surface up again, weight times albedo met: the key of a cell without end (IBGI equation 4).
     pub contribution: u64,
-    /// The balancing metric B (IBGI equations 3 to 6) made additive: the sum over the VPLs of flux times albedo met
+    /// The balancing metric B (IBGI equations 3 to 6) made additive: the sum over the VPLs of weight times albedo met
     /// times r² / (d + r)², with d the distance to what the scattered path met and r the cell's size. A term shrinks
     /// with r and a child has a part of the terms, each rounded down, so no child's key exceeds its parent's.
     pub key: u64,
@@ -86,7 +89,7 @@ pub(super) fn terms(vpl: &Vpl, scale: &FluxScale, level: u8) -> Sums {
     let hit = vpl.scatter.distance.is_finite();
     let key = |relative_distance| {
         if hit {
-            scale.key(mean(vpl.flux), vpl.scatter.albedo, relative_distance)
+            key_of(vpl.weight(), vpl.scatter.albedo, relative_distance)
         } else {
             0
         }

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::transport::bvh::SceneBvh;
-use crate::transport::paths::trace;
 use crate::transport::testing::cornell;
+use crate::transport::trace;
 
 fn clusters(paths: u32) -> (Scene, SceneBvh, PathSet, Clusters) {
     let scene = cornell();

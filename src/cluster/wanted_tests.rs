@@ -11,11 +11,11 @@ use super::{Budget, Cell, CellId, Clusters, Selected, SimilaritySettings, Wanted
 use crate::scene::Scene;
 use crate::scene::edit::Change;
 use crate::transport::bvh::SceneBvh;
-use crate::transport::paths::{PathSettings, trace};
 use crate::transport::testing::cornell;
 use crate::transport::validate_tests::{edit, lit};
 use crate::transport::{Differences, Validator};
 use crate::transport::{PathSet, Vpl};
+use crate::transport::{PathSettings, trace};
 
 fn traced(paths: u32) -> (Scene, PathSet, PathSettings) {
     let scene = cornell();

@@ -10,10 +10,10 @@ use super::paths::{Emission, Path};
 pub struct Differences {
     /// VPLs that are gone.
     pub removed: Vec<Vpl>,
-    /// VPLs that are new; where only the flux or the place of a VPL changed, it is removed and added.
+    /// VPLs that are new; where a VPL lies elsewhere, it is removed and added.
     pub added: Vec<Vpl>,
-    /// VPLs of which nothing but the scatter changed, before and after.
-    pub rescattered: Vec<[Vpl; 2]>,
+    /// VPLs of which nothing but the flux or the scatter changed, before and after.
+    pub revised: Vec<[Vpl; 2]>,
     /// Starts of paths that changed, their scatter included.
     pub emissions: Vec<EmissionChange>,
     /// Lights that changed in any way, appeared or vanished.
@@ -42,14 +42,14 @@ pub struct LightChange {
     pub light: u32,
     /// Radiant flux in lumens, linear RGB: before and after; zero where it was not or is not there.
     pub flux: [Vec3; 2],
-    /// Paths leave it along other rays or with another colour; else it was at most dimmed.
+    /// Paths leave it along other rays; else it was at most dimmed, or given another colour.
     pub moved: bool,
 }
 
 impl Differences {
     /// Nothing changed.
     pub fn is_empty(&self) -> bool {
-        let vpls = self.removed.is_empty() && self.added.is_empty() && self.rescattered.is_empty();
+        let vpls = self.removed.is_empty() && self.added.is_empty() && self.revised.is_empty();
         vpls && self.emissions.is_empty() && self.lights.is_empty()
     }
 
@@ -72,11 +72,12 @@ impl Differences {
                 [Some(old), Some(new)]
                     if *old
                         == (Vpl {
+                            flux: old.flux,
                             scatter: old.scatter,
                             ..*new
                         }) =>
                 {
-                    self.rescattered.push([*old, *new]);
+                    self.revised.push([*old, *new]);
                 }
                 [old, new] => {
                     self.removed.extend(old);
@@ -89,7 +90,7 @@ impl Differences {
     pub(super) fn sort(&mut self) {
         self.removed.sort_unstable_by_key(|v| v.key);
         self.added.sort_unstable_by_key(|v| v.key);
-        self.rescattered.sort_unstable_by_key(|[v, _]| v.key);
+        self.revised.sort_unstable_by_key(|[v, _]| v.key);
         self.emissions.sort_unstable_by_key(|e| (e.light, e.path));
     }
 }

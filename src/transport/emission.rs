@@ -49,7 +49,7 @@ pub struct EmittedRay {
     pub origin: Vec3,
     /// Unit length.
     pub direction: Vec3,
-    /// Linear RGB with a mean of 1: times the flux per path, the path's energy.
+    /// Linear RGB with a mean of 1: times a path's share of the light's flux, the path's energy.
     pub color: Vec3,
     /// Normal of the emitting side of a surface; zero for other lights.
     pub normal: Vec3,
@@ -159,6 +159,15 @@ impl Emitter {
         }
     }
 
+    /// Whether there is anything that rays can leave from, bright or dark.
+    pub fn emits(&self) -> bool {
+        match &self.kind {
+            Kind::Surface { pieces, .. } => !pieces.is_empty(),
+            Kind::Directional { aperture, .. } => !aperture.is_empty(),
+            Kind::Point { .. } | Kind::Spot { .. } => true,
+        }
+    }
+
     /// The emissive pieces of a surface light; empty for other lights.
     pub fn pieces(&self) -> &[Piece] {
         match &self.kind {
@@ -167,7 +176,7 @@ impl Emitter {
         }
     }
 
-    /// The ray of path `index`: a pure function of the light and the index. Needs a positive flux.
+    /// The ray of path `index`: a pure function of the light and the index. [`Self::emits`] must hold.
     pub fn emit(&self, sequence: &Sequence, index: u32) -> EmittedRay {
         let [u0, u1, u2, u3] = sequence.sample(index, 0);
         let plain = |origin, direction| EmittedRay {
@@ -221,9 +230,12 @@ impl Emitter {
 }
 
 /// A colour with a mean of 1, on a grid of 2^-16: a light that is dimmed then keeps its colour bit for bit in spite of
-/// rounding, and with it all of its paths.
+/// rounding, and with it what its paths carry in proportion. Dark light is white.
 fn color(v: Vec3) -> Vec3 {
     const GRID: f32 = 65536.0;
+    if mean(v) <= 0.0 {
+        return Vec3::ONE;
+    }
     (v / mean(v) * GRID).round() / GRID
 }
 

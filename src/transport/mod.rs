@@ -12,16 +12,20 @@ pub mod surface;
 #[cfg(test)]
 pub(crate) mod testing;
 mod touched;
+pub mod tracer;
 pub mod validate;
 #[cfg(test)]
 pub(crate) mod validate_tests;
 
 use glam::Vec3;
 
+use emission::mean;
+
 pub use bvh::{Hit, SceneBvh};
 pub use differences::{Differences, EmissionChange, LightChange};
 pub use flux::FluxBalance;
-pub use paths::{Emission, Emitters, LightPaths, Path, PathSet, PathSettings, Tracer, trace};
+pub use paths::{Emission, Emitters, LightPaths, Path, PathSet, PathSettings};
+pub use tracer::{Tracer, trace};
 pub use validate::Validator;
 
 /// Which path left a VPL: orders VPLs, and is the same in every scene version.
@@ -44,12 +48,22 @@ pub struct Vpl {
     pub position: Vec3,
     /// Geometric normal of the side that was hit, unit length.
     pub normal: Vec3,
-    /// Reflected radiant flux, lumens: path energy times albedo, linear RGB.
+    /// What of the path's energy is reflected here, linear RGB: every albedo on the way, over what Russian roulette let live.
+    pub share: Vec3,
+    /// Reflected radiant flux, lumens, linear RGB: the share of the path's energy.
     pub flux: Vec3,
     /// The object that was hit.
     pub object: u32,
     /// Where the light sent on from here arrived.
     pub scatter: Scatter,
+}
+
+impl Vpl {
+    /// What it counts where VPLs are weighed against each other, in paths: mean over RGB. Other than the flux, it does not
+    /// depend on how bright the light is that it comes from; so what stands for VPLs stays where it is when lights are dimmed.
+    pub fn weight(&self) -> f32 {
+        mean(self.share)
+    }
 }
 
 /// A ray of a path and what it found: feeds the balancing metric (IBGI section 5), and tells after an edit whether the ray

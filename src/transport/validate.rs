@@ -10,10 +10,11 @@ use rayon::prelude::*;
 use super::Scatter;
 use super::bvh::SceneBvh;
 use super::differences::{Differences, LightChange};
-use super::emission::{Emitter, mean};
-use super::paths::{Emitters, LightPaths, Path, PathSet, PathSettings, Tracer, trace};
+use super::emission::Emitter;
+use super::paths::{Emitters, LightPaths, Path, PathSet, PathSettings, References};
 use super::sampling::Sequence;
 use super::touched::Touched;
+use super::tracer::{Tracer, trace};
 use crate::scene::Scene;
 use crate::scene::edit::Change;
 
@@ -34,15 +35,16 @@ pub struct Validator {
 /// What is to be done about the paths of a light.
 #[derive(Clone, Debug, Default)]
 struct Marks {
-    /// Per path, the first of its rays that can have changed; [`VALID`] if none can.
+    /// Per path, the first of its rays that can have changed; [`DIMMED`] if none can, but what it carries has; [`VALID`] if nothing.
     first: Vec<u8>,
     /// How many paths the light is to have; those beyond go, those that lack come.
     target: usize,
-    /// Paths to trace, to drop and to add.
+    /// Paths to trace or to dim, to drop and to add.
     invalid: usize,
 }
 
 const VALID: u8 = u8::MAX;
+const DIMMED: u8 = VALID - 1;
 
 impl Marks {
     fn count(&mut self) {
@@ -70,7 +72,7 @@ impl Validator {
     /// Has no path yet: all are to be traced, by [`Self::step`].
     pub fn start(scene: &Scene, settings: &PathSettings) -> Self {
         let mut validator = Self {
-            settings: *settings,
+            settings: settings.clone(),
             paths: PathSet::default(),
             emitters: Emitters::new(),
             marks: BTreeMap::new(),
@@ -116,7 +118,7 @@ impl Validator {
     ///
     /// A ray can have changed if it hit an object that did, or crosses the box of one where it is now. (Where such an object
     /// was, nothing new can be hit but by rays that hit the object.) The start of a path can have changed if its light did: it
-    /// is drawn again and compared, so that a light which is only dimmed keeps its paths, and loses the last ones.
+    /// is drawn again and compared, so that the paths of a light which is only dimmed go where they went.
     pub fn invalidate(&mut self, new: &Scene, change: &Change) {
         self.relight(new, &change.lights);
         let touched = Touched::new(new, &change.objects, &change.surfaces);
@@ -165,8 +167,8 @@ impl Validator {
                 Some(&index) => {
                     let emitter = Arc::new(Emitter::new(scene, index));
                     paths.flux = emitter.flux;
-                    marks.target = self.settings.paths_of(&emitter) as usize;
-                    relit.1 |= mark_moved(&self.settings, light, &emitter, paths, marks);
+                    marks.target = self.settings.paths_of(light, &emitter) as usize;
+                    relit.1 |= mark_changed(&self.settings, light, &emitter, paths, marks);
                     self.emitters.insert(light, emitter);
                 }
                 None => {
@@ -179,7 +181,12 @@ impl Validator {
         }
     }
 
-    /// Traces, drops or adds up to `max_paths` paths: those of the lights with the most invalid flux, and of these in the order
+    /// How paths are sent from here on: lights that came are referred to as they are, the others as before.
+    pub fn refer(&mut self, references: References) {
+        self.settings.references = references;
+    }
+
+    /// Traces, dims, drops or adds up to `max_paths` paths: those of the lights with the most invalid flux, and of these in the order
     /// of their sequence. `scene` is the one of the last edit, `bvh` its tree. The result does not depend on threads.
     pub fn step(&mut self, scene: &Scene, bvh: &SceneBvh, max_paths: usize) -> Differences {
         let mut differences = Differences {
@@ -289,16 +296,19 @@ impl Validator {
     }
 }
 
-/// Marks the paths that no longer leave their light as they did; whether there are any.
-fn mark_moved(
+/// Marks the paths that no longer leave their light as they did, or carry something else; whether there are any that leave otherwise.
+fn mark_changed(
     settings: &PathSettings,
     light: u32,
     emitter: &Emitter,
     paths: &LightPaths,
     marks: &mut Marks,
 ) -> bool {
+    if !emitter.emits() {
+        return false;
+    }
     let sequence = Sequence::new(settings.seed, light);
-    let dark = mean(emitter.flux) <= 0.0;
+    let energy = settings.energy(light, emitter);
     paths
         .paths
         .par_iter()
@@ -306,16 +316,16 @@ fn mark_moved(
         .enumerate()
         .with_min_len(256)
         .map(|(i, (path, first))| {
-            let now = |ray: super::emission::EmittedRay| {
-                let scatter = Scatter {
-                    direction: ray.direction,
-                    ..path.emission.scatter
-                };
-                ray.emission(scatter)
+            let ray = emitter.emit(&sequence, i as u32);
+            let scatter = Scatter {
+                direction: ray.direction,
+                ..path.emission.scatter
             };
-            let moved = !dark && now(emitter.emit(&sequence, i as u32)) != path.emission;
+            let moved = ray.emission(scatter) != path.emission;
             if moved {
                 *first = 0;
+            } else if ray.color * energy != path.energy {
+                *first = DIMMED.min(*first);
             }
             moved
         })

@@ -1,6 +1,7 @@
 //! How a baker follows edits: room for what comes, what they make wrong, and what is given back.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::bake::baker::Baker;
 use crate::bake::job::BakeError;
@@ -11,6 +12,7 @@ use crate::gpu::GpuError;
 use crate::lightmap::texels::{ClaimStatistics, Claims};
 use crate::scene::Scene;
 use crate::scene::edit::{Change, Edit};
+use crate::transport::emission::{Emitter, mean};
 
 impl Baker {
     /// Edits the scene. `folder` is where files that the edit adds are looked up. The map follows with [`Baker::step`];
@@ -155,10 +157,29 @@ impl Baker {
                 }
             }
         }
+        self.refer(&scene, change);
         self.validator.invalidate(&scene, change);
         self.settled = false;
         self.edited = true;
         Ok(())
+    }
+
+    /// Lights that come are referred to as they are from here on ([`Settings::reference_flux`]).
+    ///
+    /// [`Settings::reference_flux`]: crate::bake::Settings::reference_flux
+    fn refer(&mut self, scene: &Scene, change: &Change) {
+        let known = &mut self.settings.reference_flux;
+        let lights = (0..).zip(&scene.lights);
+        let came: Vec<(u32, usize)> = lights
+            .map(|(index, light)| (light.id(), index))
+            .filter(|(id, _)| change.lights.contains(id) && !known.contains_key(id))
+            .collect();
+        if came.is_empty() {
+            return;
+        }
+        let flux = |index| f64::from(mean(Emitter::new(scene, index).flux));
+        known.extend(came.into_iter().map(|(id, index)| (id, flux(index))));
+        self.validator.refer(Arc::new(known.clone()));
     }
 
     fn follow_from(&mut self, old: &Scene) -> Result<(), BakeError> {

@@ -145,6 +145,7 @@ impl Baker {
                 .map_or_else(|| resolve(&scene, job), |(settings, _)| settings.clone());
             let path_settings = PathSettings {
                 flux_per_path: settings.flux_per_path,
+                references: Arc::new(settings.reference_flux.clone()),
                 max_bounces: settings.bounces,
                 seed: settings.seed,
             };
@@ -232,7 +233,7 @@ impl Baker {
         self.atlas.shown(self.scene())
     }
 
-    /// What the bake was resolved to: the same for every version of the scene.
+    /// What the bake was resolved to: the same for every version of the scene, but that lights which come are noted in it.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -367,11 +368,8 @@ impl Probe for DirectLight<'_> {
 }
 
 pub(super) fn resolve(scene: &Scene, job: &Job) -> Settings {
-    let flux: f64 = paths::emitters(scene)
-        .iter()
-        .map(|e| f64::from(e.flux.element_sum()) / 3.0)
-        .sum();
-    job.options.resolve(flux, scene.surface_area())
+    job.options
+        .resolve(paths::references(scene), scene.surface_area())
 }
 
 fn budget(settings: &Settings) -> Budget {

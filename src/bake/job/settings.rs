@@ -1,5 +1,7 @@
 //! What a bake is asked for, and what that resolves to for a scene: recorded in bake.json, and enough to repeat it.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 /// Recorded settings that no bake wrote.
@@ -39,8 +41,11 @@ pub struct Settings {
     pub quality: Quality,
     /// Scrambles all sequences.
     pub seed: u32,
-    /// Lumens per path: a light sends its flux divided by this many paths.
+    /// Lumens per path: a light sends the flux that it is referred to as divided by this many paths.
     pub flux_per_path: f64,
+    /// Lumens that lights are referred to as, by [`crate::scene::Light::id`]: what each sent when it was first seen
+    /// ([`crate::transport::paths::References`]).
+    pub reference_flux: BTreeMap<u32, f64>,
     /// Most bounces of a path.
     pub bounces: u32,
     /// Cells of the octree and the apertures together.
@@ -68,6 +73,11 @@ impl Settings {
                 self.flux_per_path.is_finite() && self.flux_per_path > 0.0,
                 "flux_per_path",
                 "above 0",
+            ),
+            (
+                (self.reference_flux.values()).all(|flux| flux.is_finite() && *flux >= 0.0),
+                "reference_flux",
+                "0 or above",
             ),
             (self.bounces <= 32, "bounces", "at most 32"),
             (
@@ -123,8 +133,9 @@ pub struct Options {
 }
 
 impl Options {
-    /// The settings for a scene whose lights send `flux` lumens onto `area` m² of surface.
-    pub fn resolve(&self, flux: f64, area: f64) -> Settings {
+    /// The settings for a scene whose lights send so many lumens, by their ids, onto `area` m² of surface.
+    pub fn resolve(&self, lights: BTreeMap<u32, f64>, area: f64) -> Settings {
+        let flux: f64 = lights.values().sum();
         let quality = self.quality.unwrap_or(Quality::Preview);
         let preset = quality.preset();
         let paths = self.paths.unwrap_or(preset.paths).max(1);
@@ -133,6 +144,7 @@ impl Options {
             quality,
             seed: self.seed,
             flux_per_path: if flux > 0.0 { flux / paths as f64 } else { 1.0 },
+            reference_flux: lights,
             bounces: self.bounces.unwrap_or(MAX_BOUNCES),
             clusters: self
                 .clusters

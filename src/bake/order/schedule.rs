@@ -282,8 +282,16 @@ pub(in crate::bake) fn exchange(
     let stays = new
         .iter()
         .filter(|(l, _)| !come.iter().any(|(c, _)| c == l));
-    let work = (come.iter().map(|(l, _)| Work::add(l)))
-        .chain(gone.iter().map(|(l, _)| Work::subtract(l)))
+    let dimmed = |light: &VirtualLight, others: &[Shining]| -> bool {
+        others.iter().any(|(other, _)| other.is_dimmed(light))
+    };
+    let comes = |l: &VirtualLight| match dimmed(l, &gone) {
+        true => Work::dim(l),
+        false => Work::add(l),
+    };
+    let goes = gone.iter().filter(|(l, _)| !dimmed(l, &come));
+    let work = (come.iter().map(|(l, _)| comes(l)))
+        .chain(goes.map(|(l, _)| Work::subtract(l)))
         .chain(stays.map(|(l, _)| Work::follow(l, &[])));
     let gain = if balancing {
         (keys(&subtract) - keys(&add)).abs()

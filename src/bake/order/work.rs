@@ -53,6 +53,11 @@ impl Work {
         }
     }
 
+    /// Giving a light another flux, by one evaluation.
+    pub fn dim(light: &VirtualLight) -> Self {
+        Self::subtract(light)
+    }
+
     /// Following a light to another scene, that differs in these boxes.
     pub fn follow(light: &VirtualLight, regions: &[Region]) -> Self {
         let part = regions.iter().map(|r| covered(light, r)).sum::<f64>();

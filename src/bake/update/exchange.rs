@@ -122,7 +122,7 @@ impl Illumination {
         }
         (evaluated[0], evaluated[1]) = (leaving.len() as u64, others.len() as u64);
         for (light, to) in others {
-            let dimmed = |(old, _): &(VirtualLight, _)| old.direct && old.is_dimmed(&light);
+            let dimmed = |(old, _): &(VirtualLight, _)| old.is_dimmed(&light);
             match leaving.iter().position(dimmed) {
                 Some(at) => self.push_flux(parts, leaving.swap_remove(at), (light, to))?,
                 None => self.push_to(parts, light, Sign::Add, to)?,

@@ -4,8 +4,8 @@ use super::*;
 use crate::cluster::Shape;
 use crate::scene::Material;
 use crate::transport::bvh::SceneBvh;
-use crate::transport::paths::{PathSettings, trace};
 use crate::transport::testing::{add_quads, box_quads, light, material, quad, room};
+use crate::transport::{PathSettings, trace};
 use glam::Affine3A;
 
 fn tree(quads: &[[Vec3; 4]], material: Material) -> (ApertureTree, Emitter) {
@@ -15,9 +15,8 @@ fn tree(quads: &[[Vec3; 4]], material: Material) -> (ApertureTree, Emitter) {
     let settings = PathSettings::for_paths(&scene, 2000);
     let paths = trace(&scene, &bvh, &settings);
     let emitter = Emitter::new(&scene, 0);
-    let scale = FluxScale::new(settings.flux_per_path);
     (
-        ApertureTree::new(&scene.lights[0], &emitter, &paths.lights[&3], &scale),
+        ApertureTree::new(&scene.lights[0], &emitter, &paths.lights[&3]),
         emitter,
     )
 }
@@ -114,8 +113,7 @@ fn changed_paths_leave_the_tree_of_a_new_one() {
     let settings = PathSettings::for_paths(&scene, 700);
     let all = trace(&scene, &bvh, &settings).lights[&3].clone();
     let emitter = Emitter::new(&scene, 0);
-    let scale = FluxScale::new(settings.flux_per_path);
-    let build = |paths: &LightPaths| ApertureTree::new(&scene.lights[0], &emitter, paths, &scale);
+    let build = |paths: &LightPaths| ApertureTree::new(&scene.lights[0], &emitter, paths);
     let mut paths = all.clone();
     let mut tree = build(&paths);
     // Most go dark, one after the other, then come back in another order with something nearer, or at all.
@@ -186,12 +184,7 @@ fn punctual_lights_are_themselves() {
         aim,
     ));
     let emitter = Emitter::new(&scene, 0);
-    let tree = ApertureTree::new(
-        &scene.lights[0],
-        &emitter,
-        &LightPaths::default(),
-        &FluxScale::new(1.0),
-    );
+    let tree = ApertureTree::new(&scene.lights[0], &emitter, &LightPaths::default());
     let [spot] = &tree.lights(1, 4)[..] else {
         panic!("not one light")
     };

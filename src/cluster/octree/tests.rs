@@ -15,6 +15,7 @@ fn vpl(i: u32, position: Vec3, distance: f32) -> Vpl {
         },
         position,
         normal: Vec3::Y,
+        share: Vec3::new(1.5, 1.0, 0.5),
         flux: Vec3::new(0.3, 0.2, 0.1),
         object: 0,
         scatter: Scatter {
@@ -84,9 +85,11 @@ proptest! {
         for v in shuffled.iter().filter(|v| v.key.path as usize >= keep) {
             let mut other = **v;
             (other.scatter.distance, other.scatter.albedo) = (0.5, 0.9);
-            prop_assert!(tree.rescatter(v, &other));
-            prop_assert!(!tree.rescatter(v, &other));
-            prop_assert!(tree.rescatter(&other, v));
+            let dimmed = Vpl { flux: other.flux * 0.3, ..other };
+            for [from, to] in [[**v, other], [other, dimmed], [dimmed, **v]] {
+                prop_assert_eq!(tree.revise(&[[from, to]]), 1);
+                prop_assert_eq!(tree.revise(&[[from, to]]), 0);
+            }
             prop_assert!(tree.remove(v));
             prop_assert!(!tree.remove(v));
         }
@@ -106,4 +109,30 @@ fn bulk_adds_are_fast_and_equal_to_single_ones() {
     let mut one_by_one = Octree::new(FluxScale::new(0.2));
     all.iter().rev().for_each(|v| one_by_one.add(v));
     assert_eq!(one_by_one, Octree::build(FluxScale::new(0.2), &all));
+}
+
+#[test]
+fn all_that_is_dimmed_leaves_the_tree_of_what_it_became() {
+    let sequence = crate::transport::sampling::Sequence::new(4, 0);
+    let scale = FluxScale::new(0.2);
+    let pairs: Vec<[Vpl; 2]> = (0..20_000)
+        .map(|i| {
+            let [x, y, z, d] = sequence.sample(i, 0);
+            let old = vpl(i, Vec3::new(x * 9.0, (y * 3.0).round(), z * 5.0), d * 4.0);
+            let mut new = Vpl {
+                flux: old.flux * d,
+                ..old
+            };
+            if d > 0.7 {
+                new.scatter.distance *= x;
+            }
+            [old, new]
+        })
+        .collect();
+    let [old, new] = [0, 1].map(|at| Octree::build(scale, pairs.iter().map(|p| &p[at])));
+    let mut tree = old.clone();
+    assert_eq!(tree.revise(&pairs), pairs.len());
+    assert_eq!(tree, new);
+    assert_eq!(tree.revise(&pairs[..500]), 0);
+    assert_eq!(tree, new);
 }

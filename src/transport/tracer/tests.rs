@@ -51,7 +51,7 @@ fn a_cap_on_bounces_is_reported() {
 }
 
 #[test]
-fn paths_are_a_prefix_and_do_not_depend_on_threads() {
+fn paths_do_not_depend_on_threads_or_on_how_bright_their_light_is() {
     let scene = cornell();
     let bvh = SceneBvh::build(&scene);
     let settings = PathSettings::for_paths(&scene, 3000);
@@ -61,13 +61,43 @@ fn paths_are_a_prefix_and_do_not_depend_on_threads() {
         .build()
         .expect("a pool");
     assert_eq!(single.install(|| trace(&scene, &bvh, &settings)), all);
-    let mut dimmed = scene.clone();
-    dimmed.materials[5].emission *= 0.5;
-    let half = trace(&dimmed, &bvh, &settings);
-    let n = half.paths();
-    assert_eq!(n, 1500);
-    assert_eq!(half.lights[&11].paths, all.lights[&11].paths[..n]);
-    for (i, path) in half.lights[&11].paths.iter().enumerate() {
+    let relit = |factor: Vec3| {
+        let mut scene = scene.clone();
+        scene.materials[5].emission *= factor;
+        trace(&scene, &bvh, &settings)
+    };
+    let flux = |paths: &PathSet| paths.vpls().map(|v| v.flux.as_dvec3()).sum::<glam::DVec3>();
+    for factor in [
+        Vec3::splat(0.01),
+        Vec3::splat(0.7),
+        Vec3::splat(1.9),
+        Vec3::new(0.2, 1.0, 0.0),
+    ] {
+        let other = relit(factor);
+        assert_eq!(other.paths(), all.paths());
+        for (a, b) in all.vpls().zip(other.vpls()) {
+            let flux = (a.flux * factor - b.flux).abs().max_element();
+            assert!(flux <= 1e-3 * a.flux.max_element());
+            assert_eq!(Vpl { flux: a.flux, ..*b }, *a);
+        }
+        let error = flux(&all) * factor.as_dvec3() - flux(&other);
+        assert!(error.abs().max_element() < 1e-5 * flux(&all).max_element());
+    }
+    // A path never carries more than twice what it did.
+    for (factor, paths) in [(2.1, 6000), (4.1, 12_000), (32.0, 48_000)] {
+        let brighter = relit(Vec3::splat(factor));
+        assert_eq!(brighter.paths(), paths);
+        for (a, b) in all.vpls().zip(
+            brighter.lights[&11].paths[..3000]
+                .iter()
+                .flat_map(|p| &p.vpls),
+        ) {
+            assert_eq!((a.key, a.position), (b.key, b.position));
+        }
+        let sent = [&brighter, &all].map(|p| p.balance().sent);
+        assert!((sent[0] / sent[1] / f64::from(factor) - 1.0).abs() < 1e-5);
+    }
+    for (i, path) in all.lights[&11].paths.iter().enumerate() {
         for (b, vpl) in path.vpls.iter().enumerate() {
             assert_eq!((vpl.key.path as usize, vpl.key.bounce as usize), (i, b));
         }
@@ -99,6 +129,21 @@ fn a_path_goes_on_from_any_of_its_rays() {
         for first in 0..path.rays().count() {
             assert_eq!(tracer.path_from(11, i as u32, path, first), *path);
         }
+        // Without a ray, from what the path was when its light shone otherwise.
+        let brighter = Path {
+            energy: path.energy * 2.0,
+            vpls: path
+                .vpls
+                .iter()
+                .map(|v| Vpl {
+                    flux: v.flux * 2.0,
+                    ..*v
+                })
+                .collect(),
+            balance: FluxBalance::default(),
+            ..path.clone()
+        };
+        assert_eq!(tracer.path_from(11, i as u32, &brighter, usize::MAX), *path);
         for (ray, (origin, scatter)) in path.rays().enumerate() {
             let end = path.vpls.get(ray).map(|v| v.position);
             let met = origin + scatter.direction * scatter.distance;
