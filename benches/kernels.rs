@@ -279,7 +279,7 @@ fn balance(group: &mut Group, lit: &Lit) {
     group.bench_function("metric", |b| {
         b.iter(|| {
             let keys = lit.vpls.iter();
-            keys.map(|v| key_of(v.weight(), 0.5, 0.1))
+            keys.map(|v| key_of(v.weight, 0.5, 0.1))
                 .fold(0u64, u64::wrapping_add)
         });
     });

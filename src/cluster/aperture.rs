@@ -60,6 +60,8 @@ pub struct ApertureTree {
     linker: Option<Linker>,
     /// What stands for a light without extent.
     single: Option<VirtualLight>,
+    /// Of a path ([`LightPaths::weight`]).
+    weight: f32,
 }
 
 impl ApertureTree {
@@ -74,11 +76,13 @@ impl ApertureTree {
         let numbers = (0..linker.iter().map(|l| l.sides().len() as u32).sum()).collect();
         let builder = Builder {
             sides: linker.as_ref().map_or(&[], |l| l.sides()),
+            weight: paths.weight,
         };
         Self {
             root: builder.node(numbers, starts.collect(), f64::INFINITY),
             single,
             linker,
+            weight: paths.weight,
         }
     }
 
@@ -87,6 +91,7 @@ impl ApertureTree {
         let Some(linker) = &self.linker else { return };
         let builder = Builder {
             sides: linker.sides(),
+            weight: self.weight,
         };
         let start = |e: &Option<Emission>| linker.start(change.path, e.as_ref()?);
         if let Some(old) = start(&change.old) {
@@ -169,16 +174,18 @@ impl Rule {
 }
 
 /// A start's part of a node's key and contribution.
-fn weigh(start: &Start, radius: f64) -> [u64; 2] {
+fn weigh(start: &Start, weight: f32, radius: f64) -> [u64; 2] {
     let key = |weight, near| key_of(weight, start.albedo, near);
     [
-        key(DIRECT_WEIGHT, f64::from(start.distance) / radius),
-        key(1.0, 0.0),
+        key(weight * DIRECT_WEIGHT, f64::from(start.distance) / radius),
+        key(weight, 0.0),
     ]
 }
 
 struct Builder<'a> {
     sides: &'a [Facet],
+    /// Of a path.
+    weight: f32,
 }
 
 impl Builder<'_> {
@@ -197,7 +204,7 @@ impl Builder<'_> {
         radius: f64,
     ) -> ApertureNode {
         let radius = extent(facets.iter().flat_map(|f| &f.vertices)).min(radius);
-        let sums = starts.iter().map(|s| weigh(s, radius));
+        let sums = starts.iter().map(|s| weigh(s, self.weight, radius));
         let [key, contribution] = sums.fold([0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
         let mut node = ApertureNode {
             key,
@@ -279,7 +286,7 @@ impl Builder<'_> {
     }
 
     fn add(&self, node: &mut ApertureNode, start: Start) {
-        let [key, contribution] = weigh(&start, node.radius);
+        let [key, contribution] = weigh(&start, self.weight, node.radius);
         node.key += key;
         node.contribution += contribution;
         node.count += 1;
@@ -295,7 +302,7 @@ impl Builder<'_> {
 
     /// The start must be in the tree.
     fn remove(&self, node: &mut ApertureNode, start: &Start) {
-        let [key, contribution] = weigh(start, node.radius);
+        let [key, contribution] = weigh(start, self.weight, node.radius);
         node.key -= key;
         node.contribution -= contribution;
         node.count -= 1;

@@ -178,6 +178,7 @@ mod tests {
             position,
             normal: Vec3::Y,
             share: Vec3::ONE,
+            weight: 1.0,
             flux: Vec3::ONE,
             object: 0,
             scatter,

@@ -144,15 +144,15 @@ impl Groups {
             }
         }
         // Disks in proportion to what is left: a few stray VPLs do not deserve the lights of a whole cell.
-        let all: f32 = self.vpls.iter().map(Vpl::weight).sum();
-        let left: f32 = rest.iter().map(|v| v.weight()).sum();
+        let all: f32 = self.vpls.iter().map(|v| v.weight).sum();
+        let left: f32 = rest.iter().map(|v| v.weight).sum();
         let share = (settings.lights_per_cell as f32 * left / all).ceil() as usize;
         let k = settings
             .lights_per_cell
             .saturating_sub(lights.len())
             .min(share)
             .max(1);
-        let directions: Vec<(Vec3, f32)> = rest.iter().map(|v| (v.normal, v.weight())).collect();
+        let directions: Vec<(Vec3, f32)> = rest.iter().map(|v| (v.normal, v.weight)).collect();
         lights.extend(by_direction(&directions, k).iter().map(|group| {
             let group: Vec<&Vpl> = group.iter().map(|&i| rest[i]).collect();
             self.disk(&group, scale)
@@ -197,9 +197,9 @@ impl Groups {
 
     /// A disk at the VPL nearest to the centre of their weights, so that it lies on a surface.
     fn disk(&self, group: &[&Vpl], scale: &FluxScale) -> VirtualLight {
-        let total: f32 = group.iter().map(|v| v.weight()).sum();
+        let total: f32 = group.iter().map(|v| v.weight).sum();
         let average = |of: &dyn Fn(&Vpl) -> Vec3| {
-            group.iter().map(|v| of(v) * v.weight()).sum::<Vec3>() / total
+            group.iter().map(|v| of(v) * v.weight).sum::<Vec3>() / total
         };
         let center = average(&|v| v.position - group[0].position) + group[0].position;
         let distance = |v: &Vpl| v.position.distance_squared(center);

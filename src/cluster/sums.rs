@@ -89,7 +89,7 @@ pub(super) fn terms(vpl: &Vpl, scale: &FluxScale, level: u8) -> Sums {
     let hit = vpl.scatter.distance.is_finite();
     let key = |relative_distance| {
         if hit {
-            key_of(vpl.weight(), vpl.scatter.albedo, relative_distance)
+            key_of(vpl.weight, vpl.scatter.albedo, relative_distance)
         } else {
             0
         }

@@ -19,8 +19,6 @@ pub(crate) mod validate_tests;
 
 use glam::Vec3;
 
-use emission::mean;
-
 pub use bvh::{Hit, SceneBvh};
 pub use differences::{Differences, EmissionChange, LightChange};
 pub use flux::FluxBalance;
@@ -50,20 +48,16 @@ pub struct Vpl {
     pub normal: Vec3,
     /// What of the path's energy is reflected here, linear RGB: every albedo on the way, over what Russian roulette let live.
     pub share: Vec3,
+    /// What it counts where VPLs are weighed against each other, in paths: its share, mean over RGB, of what the path carries when
+    /// its light is as bright as it is referred to. Other than the flux, it is the same when the light is dimmed; so what stands for
+    /// VPLs stays where it is.
+    pub weight: f32,
     /// Reflected radiant flux, lumens, linear RGB: the share of the path's energy.
     pub flux: Vec3,
     /// The object that was hit.
     pub object: u32,
     /// Where the light sent on from here arrived.
     pub scatter: Scatter,
-}
-
-impl Vpl {
-    /// What it counts where VPLs are weighed against each other, in paths: mean over RGB. Other than the flux, it does not
-    /// depend on how bright the light is that it comes from; so what stands for VPLs stays where it is when lights are dimmed.
-    pub fn weight(&self) -> f32 {
-        mean(self.share)
-    }
 }
 
 /// A ray of a path and what it found: feeds the balancing metric (IBGI section 5), and tells after an edit whether the ray

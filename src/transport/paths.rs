@@ -60,22 +60,42 @@ impl PathSettings {
     /// would carry more than twice that flux, twice as many, or four times, and so on. A light that nothing is known about is
     /// referred to as it is.
     pub fn paths_of(&self, light: u32, emitter: &Emitter) -> u32 {
-        let flux = f64::from(mean(emitter.flux)) / self.flux_per_path;
+        self.share_out(light, emitter).paths
+    }
+
+    /// How a light's flux is shared out among its paths.
+    pub(super) fn share_out(&self, light: u32, emitter: &Emitter) -> Shares {
+        let lumens = f64::from(mean(emitter.flux));
+        let flux = lumens / self.flux_per_path;
         let known = self.references.get(&light);
         let reference = known.map_or(flux, |r| r / self.flux_per_path);
         if !emitter.emits() || reference.max(flux) <= 0.0 {
-            return 0;
+            return Shares::default();
         }
         let paths = reference.round().max(1.0);
         let doublings = (flux / (2.0 * paths)).log2().ceil().max(0.0);
-        (paths * doublings.exp2()).min(1e9) as u32
+        let weight = if reference > 0.0 && doublings == 0.0 {
+            reference / paths
+        } else {
+            1.0
+        };
+        let paths = (paths * doublings.exp2()).min(1e9);
+        Shares {
+            paths: paths as u32,
+            energy: (lumens / paths) as f32,
+            weight: weight.max(1e-6) as f32,
+        }
     }
+}
 
-    /// The energy that each path of a light starts with, lumens.
-    pub(super) fn energy(&self, light: u32, emitter: &Emitter) -> f32 {
-        let paths = self.paths_of(light, emitter).max(1);
-        (f64::from(mean(emitter.flux)) / f64::from(paths)) as f32
-    }
+/// What a light sends, path by path.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Shares {
+    pub paths: u32,
+    /// Lumens (mean over RGB) that each starts with.
+    pub energy: f32,
+    /// What each counts, in paths of the flux per path: less where a light has one path though it sends less.
+    pub weight: f32,
 }
 
 /// All paths of a scene, light by light.
@@ -90,6 +110,8 @@ pub struct PathSet {
 pub struct LightPaths {
     /// The light's exact radiant flux in lumens, linear RGB.
     pub flux: Vec3,
+    /// What a path counts where paths are weighed against each other ([`Vpl::weight`]).
+    pub weight: f32,
     /// Each for itself, so that one can be replaced.
     pub paths: Vec<Path>,
 }

@@ -11,7 +11,7 @@ use super::emission::{EMISSION_SETS, EmittedRay, mean};
 use super::flux::{FluxBalance, lumens};
 use super::intersect::offset;
 use super::paths::{
-    Emission, Emitters, LightPaths, MAX_BOUNCES, Path, PathSet, PathSettings, emitters,
+    Emission, Emitters, LightPaths, MAX_BOUNCES, Path, PathSet, PathSettings, Shares, emitters,
 };
 use super::sampling::{Sequence, cosine_hemisphere};
 use super::{Scatter, Vpl, VplKey};
@@ -91,6 +91,7 @@ impl<'a> Tracer<'a> {
             .collect();
         LightPaths {
             flux: self.emitters[&light].flux,
+            weight: self.shares(light).weight,
             paths: chunks.into_iter().flatten().collect(),
         }
     }
@@ -100,13 +101,21 @@ impl<'a> Tracer<'a> {
         let sequence = Sequence::new(self.settings.seed, light);
         let ray = self.emitters[&light].emit(&sequence, path);
         let (scatter, first) = self.meet(ray.origin, ray.direction);
-        let start = (ray.emission(scatter), self.start(light, &ray));
+        let start = self.start(light, &ray, ray.emission(scatter));
         self.follow(&sequence, start, (light, path), Known::NOTHING, first)
     }
 
-    /// What a path starts with.
-    fn start(&self, light: u32, ray: &EmittedRay) -> Vec3 {
-        ray.color * self.settings.energy(light, &self.emitters[&light])
+    fn shares(&self, light: u32) -> Shares {
+        self.settings.share_out(light, &self.emitters[&light])
+    }
+
+    fn start(&self, light: u32, ray: &EmittedRay, emission: Emission) -> Start {
+        let shares = self.shares(light);
+        Start {
+            emission,
+            energy: ray.color * shares.energy,
+            weight: shares.weight,
+        }
     }
 
     /// Traces a path again whose rays before number `first` have not changed: these and their VPLs are taken over, so the
@@ -123,7 +132,7 @@ impl<'a> Tracer<'a> {
             vpls,
             scattered: vpls.len() - usize::from(first <= old.vpls.len()),
         };
-        let start = (old.emission, self.start(light, &ray));
+        let start = self.start(light, &ray, old.emission);
         let met = Met::left_none(&old.emission.scatter);
         self.follow(&sequence, start, (light, path), known, met)
     }
@@ -132,7 +141,7 @@ impl<'a> Tracer<'a> {
     fn follow(
         &self,
         sequence: &Sequence,
-        (emission, start): (Emission, Vec3),
+        start: Start,
         (light, path): (u32, u32),
         known: Known,
         mut met: Option<Met>,
@@ -140,21 +149,18 @@ impl<'a> Tracer<'a> {
         let max_bounces = self.settings.max_bounces;
         // The share of the start's energy that is left.
         let mut share = Vec3::ONE;
-        let carried = |share: Vec3| lumens(start * share);
+        let carried = |share: Vec3| lumens(start.energy * share);
         let mut balance = FluxBalance {
             sent: carried(share),
             ..Default::default()
         };
-        if emission.scatter.object != Scatter::NOTHING {
+        if start.emission.scatter.object != Scatter::NOTHING {
             balance.first_hit = balance.sent;
         }
         let mut vpls: ArrayVec<Vpl, { MAX_BOUNCES as usize }> = ArrayVec::new();
         for bounce in 0.. {
             let mut vpl = match (known.vpls.get(bounce as usize), met) {
-                (Some(vpl), _) => Vpl {
-                    flux: start * vpl.share,
-                    ..*vpl
-                },
+                (Some(vpl), _) => start.sends(vpl),
                 (None, None) => {
                     balance.escaped += carried(share);
                     break;
@@ -163,7 +169,7 @@ impl<'a> Tracer<'a> {
                     balance.lost_at_cap += carried(share);
                     break;
                 }
-                (None, Some(met)) => Vpl {
+                (None, Some(met)) => start.sends(&Vpl {
                     key: VplKey {
                         light,
                         path,
@@ -172,10 +178,11 @@ impl<'a> Tracer<'a> {
                     position: met.position,
                     normal: met.normal,
                     share: share * met.albedo,
-                    flux: start * (share * met.albedo),
+                    weight: 0.0,
+                    flux: Vec3::ZERO,
                     object: met.object,
                     scatter: Scatter::default(),
-                },
+                }),
             };
             balance.absorbed += carried(share) - carried(vpl.share);
             share = vpl.share;
@@ -207,8 +214,8 @@ impl<'a> Tracer<'a> {
             }
         }
         Path {
-            emission,
-            energy: start,
+            emission: start.emission,
+            energy: start.energy,
             vpls: vpls.as_slice().into(),
             balance,
         }
@@ -241,6 +248,26 @@ impl<'a> Tracer<'a> {
             object: met.map_or(Scatter::NOTHING, |m| m.object),
         };
         (scatter, met)
+    }
+}
+
+/// How a path starts.
+struct Start {
+    emission: Emission,
+    /// Lumens, linear RGB.
+    energy: Vec3,
+    /// [`Shares::weight`].
+    weight: f32,
+}
+
+impl Start {
+    /// A VPL with what it has of the path.
+    fn sends(&self, vpl: &Vpl) -> Vpl {
+        Vpl {
+            weight: self.weight * mean(vpl.share),
+            flux: self.energy * vpl.share,
+            ..*vpl
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use super::Scatter;
 use super::bvh::SceneBvh;
 use super::differences::{Differences, LightChange};
 use super::emission::Emitter;
-use super::paths::{Emitters, LightPaths, Path, PathSet, PathSettings, References};
+use super::paths::{Emitters, LightPaths, Path, PathSet, PathSettings, References, Shares};
 use super::sampling::Sequence;
 use super::touched::Touched;
 use super::tracer::{Tracer, trace};
@@ -167,8 +167,11 @@ impl Validator {
                 Some(&index) => {
                     let emitter = Arc::new(Emitter::new(scene, index));
                     paths.flux = emitter.flux;
-                    marks.target = self.settings.paths_of(light, &emitter) as usize;
-                    relit.1 |= mark_changed(&self.settings, light, &emitter, paths, marks);
+                    let shares = self.settings.share_out(light, &emitter);
+                    marks.target = shares.paths as usize;
+                    let sequence = Sequence::new(self.settings.seed, light);
+                    relit.1 |= mark_changed(&sequence, &emitter, &shares, paths, marks);
+                    paths.weight = shares.weight;
                     self.emitters.insert(light, emitter);
                 }
                 None => {
@@ -298,17 +301,16 @@ impl Validator {
 
 /// Marks the paths that no longer leave their light as they did, or carry something else; whether there are any that leave otherwise.
 fn mark_changed(
-    settings: &PathSettings,
-    light: u32,
+    sequence: &Sequence,
     emitter: &Emitter,
+    shares: &Shares,
     paths: &LightPaths,
     marks: &mut Marks,
 ) -> bool {
     if !emitter.emits() {
         return false;
     }
-    let sequence = Sequence::new(settings.seed, light);
-    let energy = settings.energy(light, emitter);
+    let reweighed = shares.weight != paths.weight;
     paths
         .paths
         .par_iter()
@@ -316,7 +318,7 @@ fn mark_changed(
         .enumerate()
         .with_min_len(256)
         .map(|(i, (path, first))| {
-            let ray = emitter.emit(&sequence, i as u32);
+            let ray = emitter.emit(sequence, i as u32);
             let scatter = Scatter {
                 direction: ray.direction,
                 ..path.emission.scatter
@@ -324,7 +326,7 @@ fn mark_changed(
             let moved = ray.emission(scatter) != path.emission;
             if moved {
                 *first = 0;
-            } else if ray.color * energy != path.energy {
+            } else if reweighed || ray.color * shares.energy != path.energy {
                 *first = DIMMED.min(*first);
             }
             moved

@@ -288,6 +288,11 @@ fn only_what_an_edit_can_change_is_traced_again() {
     session.edit(|s| s.lights.iter_mut().for_each(|l| l.intensity *= 1.13));
     assert!(dimmed(&session.step(usize::MAX)));
     session.finish();
+    // Past twice what it was, by as much again: paths carry what they did, and there are more of them.
+    for _ in 0..3 {
+        session.edit(|s| s.materials[5].emission *= 2.0);
+        session.finish();
+    }
     session.edit(|s| s.lights.iter_mut().for_each(|l| l.intensity = Vec3::ZERO));
     assert!(dimmed(&session.step(usize::MAX)));
     session.finish();

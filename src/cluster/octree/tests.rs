@@ -16,6 +16,7 @@ fn vpl(i: u32, position: Vec3, distance: f32) -> Vpl {
         position,
         normal: Vec3::Y,
         share: Vec3::new(1.5, 1.0, 0.5),
+        weight: 1.0,
         flux: Vec3::new(0.3, 0.2, 0.1),
         object: 0,
         scatter: Scatter {

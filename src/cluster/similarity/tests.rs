@@ -28,6 +28,7 @@ fn corner(cell: Cell) -> Vec<Vpl> {
                 position: lo + at * size,
                 normal,
                 share: Vec3::new(1.5, 1.0, 0.5) * (1.0 + u),
+                weight: 1.0 + u,
                 flux: Vec3::new(0.3, 0.2, 0.1) * (1.0 + u),
                 object: 0,
                 scatter: Scatter {

@@ -157,3 +157,22 @@ fn a_path_goes_on_from_any_of_its_rays() {
     }
     assert_eq!(longest, 5);
 }
+
+#[test]
+fn a_light_that_sends_less_than_a_path_carries_has_one_that_counts_less() {
+    let mut scene = room(0.5);
+    for intensity in [1.0, 1e-4, 0.0] {
+        let mut lamp = light(Aperture::Point, Vec3::splat(intensity), Affine3A::IDENTITY);
+        lamp.node = scene.lights.len() as u32;
+        scene.lights.push(lamp);
+    }
+    let bvh = SceneBvh::build(&scene);
+    let paths = trace(&scene, &bvh, &PathSettings::for_paths(&scene, 100));
+    let [strong, weak, off] = [0, 2, 4].map(|id| &paths.lights[&id]);
+    assert_eq!([strong, weak, off].map(|l| l.paths.len()), [100, 1, 0]);
+    assert!((weak.weight - 0.01).abs() < 1e-4 && (strong.weight - 1.0).abs() < 1e-3);
+    let first = |light: &LightPaths| light.paths[0].vpls[0];
+    let (strong, weak) = (first(strong), first(weak));
+    assert!((weak.flux / strong.flux - 0.01).abs().max_element() < 1e-4);
+    assert!((weak.weight / strong.weight - 0.01).abs() < 1e-4);
+}
