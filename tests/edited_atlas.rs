@@ -90,6 +90,7 @@ impl Session {
         }
         new.extend(self.texels.lacking(scene));
         new.sort_unstable();
+        new.dedup();
         let claims = rasterize_objects(&self.gpu, &self.atlas, &new).unwrap();
         self.texels.extend(scene, &self.atlas, &claims, &new);
         for object in 0..self.texels.tiles.len() as u32 {
