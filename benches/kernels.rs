@@ -72,6 +72,7 @@ fn main() {
             .configure_from_args();
         rays(&mut criterion.benchmark_group("tracing"), &lit);
         validation(&mut criterion.benchmark_group("validation"), &lit);
+        dimming(&mut criterion.benchmark_group("dimming"), &lit);
         octree(&mut criterion.benchmark_group("octree"), &lit);
         cells(&mut criterion.benchmark_group("cells"), &lit);
         balance(&mut criterion.benchmark_group("balance"), &lit);
@@ -158,18 +159,41 @@ fn validation(group: &mut Group, lit: &Lit) {
         "object {object} moved by 1 % of the scene: {} of {paths} paths marked",
         invalid.invalid_paths()
     );
-    let follow = |mut v: Validator| {
-        let differences = v.step(&edited, &bvh, usize::MAX);
+    follow(group, lit, &edited, &bvh, &invalid);
+}
+
+/// Every light dimmed to a half: no path goes elsewhere.
+fn dimming(group: &mut Group, lit: &Lit) {
+    let before = Validator::new(&lit.scene, &lit.bvh, &lit.settings);
+    let mut edited = lit.scene.clone();
+    edited.lights.iter_mut().for_each(|l| l.intensity *= 0.5);
+    edited.materials.iter_mut().for_each(|m| m.emission *= 0.5);
+    let change = Change::between(&lit.scene, &edited);
+    let mark = |mut v: Validator| {
+        v.invalidate(&edited, &change);
+        v
+    };
+    group.throughput(Throughput::Elements(lit.paths.paths() as u64));
+    group.bench_function("marking", |b| {
+        b.iter_batched(|| before.clone(), mark, BatchSize::LargeInput);
+    });
+    follow(group, lit, &edited, &lit.bvh, &mark(before));
+}
+
+/// Paths that an edit marked are valid again, and what stands for their light follows.
+fn follow(group: &mut Group, lit: &Lit, edited: &Scene, bvh: &SceneBvh, invalid: &Validator) {
+    let step = |mut v: Validator| {
+        let differences = v.step(edited, bvh, usize::MAX);
         (v, differences)
     };
     group.throughput(Throughput::Elements(invalid.invalid_paths() as u64));
     group.bench_function("tracing again", |b| {
-        b.iter_batched(|| invalid.clone(), follow, BatchSize::LargeInput);
+        b.iter_batched(|| invalid.clone(), step, BatchSize::LargeInput);
     });
-    let (after, differences) = follow(invalid);
-    let changed = differences.removed.len() + differences.added.len();
+    let (after, differences) = step(invalid.clone());
+    let changed = differences.removed.len() + differences.added.len() + differences.revised.len();
     let apply = |mut c: Clusters| {
-        c.apply(&edited, after.paths(), &differences);
+        c.apply(edited, after.paths(), &differences);
         c
     };
     group.throughput(Throughput::Elements(changed as u64));

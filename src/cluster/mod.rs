@@ -121,11 +121,17 @@ impl std::fmt::Display for CellId {
 pub struct Selected {
     /// The cell.
     pub cell: CellId,
-    /// Its virtual lights; none if its VPLs joined a neighbour's polygon.
+    /// Its virtual lights; none if its VPLs joined a neighbour's polygon, or are all dark.
     pub lights: Vec<VirtualLight>,
     /// Fingerprints of the VPLs that its lights stand for, ascending: those of its places but for what left them in the border
     /// step, and what came instead. Where cells are exchanged for others, each VPL's flux goes from one to another at once.
     pub vpls: Vec<u64>,
+}
+
+/// Without those that shine no more: what a lamp that is switched off leaves of its cells.
+fn bright(mut lights: Vec<VirtualLight>) -> Vec<VirtualLight> {
+    lights.retain(|light| light.flux != Vec3::ZERO);
+    lights
 }
 
 /// All light of a scene, direct and bounced, in trees that can be cut at any level of detail.
@@ -176,7 +182,7 @@ impl Clusters {
         };
         Selected {
             cell,
-            lights,
+            lights: bright(lights),
             vpls: Vec::new(),
         }
     }
@@ -185,7 +191,7 @@ impl Clusters {
     fn indirect(&self, groups: &Groups, border: &Border) -> Selected {
         Selected {
             cell: CellId::Octree(groups.cell),
-            lights: groups.lights(border, self.octree.scale(), &self.settings),
+            lights: bright(groups.lights(border, self.octree.scale(), &self.settings)),
             vpls: border.holds(groups),
         }
     }

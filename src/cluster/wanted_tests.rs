@@ -3,11 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use glam::Vec3;
 use proptest::prelude::*;
 
 use super::border::join;
 use super::similarity::Groups;
-use super::{Budget, Cell, CellId, Clusters, Selected, SimilaritySettings, Wanted};
+use super::{Budget, Cell, CellId, Clusters, Selected, SimilaritySettings, VirtualLight, Wanted};
 use crate::scene::Scene;
 use crate::scene::edit::Change;
 use crate::transport::bvh::SceneBvh;
@@ -171,4 +172,39 @@ fn what_crosses_a_border_depends_on_the_cells_beside_it_alone() {
     assert!(crossed > 20, "{crossed}");
     let cells = from_nothing(&clusters, Budget::Cells(150));
     assert!(check_vpls(&clusters, &cells) > 10);
+}
+
+#[test]
+fn what_stands_for_light_stays_where_it_is_when_lights_are_dimmed() {
+    let scene = lit();
+    let bvh = SceneBvh::build(&scene);
+    let settings = PathSettings::for_paths(&scene, 4000);
+    let cells = |scene: &Scene| {
+        let paths = trace(scene, &bvh, &settings);
+        let clusters = Clusters::new(scene, &paths, &settings, SimilaritySettings::default());
+        from_nothing(&clusters, Budget::Auto { error: 2e-3 })
+    };
+    let before = cells(&scene);
+    let mut dimmed = scene.clone();
+    dimmed.materials[5].emission *= Vec3::new(0.9, 0.5, 0.2);
+    dimmed.lights.iter_mut().for_each(|l| l.intensity *= 0.1);
+    let after = cells(&dimmed);
+    assert!(before.len() > 100 && before.keys().eq(after.keys()));
+    for (a, b) in before.values().zip(after.values()) {
+        assert_eq!(a.vpls, b.vpls);
+        assert_eq!(a.lights.len(), b.lights.len());
+        for (a, b) in a.lights.iter().zip(&b.lights) {
+            assert!(a.is_dimmed(b) && b.flux.cmple(a.flux).all());
+        }
+    }
+    // Nothing stands for lights that are off.
+    let mut off = scene.clone();
+    off.lights.iter_mut().for_each(|l| l.intensity = Vec3::ZERO);
+    let lamp_alone = cells(&off);
+    assert!(before.keys().eq(lamp_alone.keys()));
+    let lights = |cells: &BTreeMap<_, Arc<Selected>>| -> Vec<VirtualLight> {
+        cells.values().flat_map(|c| c.lights.clone()).collect()
+    };
+    let (all, left) = (lights(&before), lights(&lamp_alone));
+    assert!(left.len() < all.len() && left.iter().all(|l| l.flux != Vec3::ZERO));
 }
