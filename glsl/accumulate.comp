@@ -131,8 +131,9 @@ void main() {
         bool difference = light.other_view != light.view;
         float comes = difference ? (stands(instance, light.version) ? 1.0 : 0.0) : float(light.sign);
         float goes = stands(instance, light.other) ? -1.0 : 0.0;
-        uint versions = difference ? 2 : 1;
+        // Where it is looked up once, to do so again costs less than asking of every light whether it is dimmed.
         bool dimmed = any(notEqual(light.other_flux, vec3(0.0)));
+        bool twice = difference || dimmed && !OWN_VIEW;
         vec3 moved[TEXELS];
         float factors[TEXELS];
         [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
@@ -170,20 +171,21 @@ void main() {
             values[k] = dark ? 0.0 : value;
             if (!OWN_VIEW) sights[k] = sight(first_view, moved[k], faces[k], clearances[k], bias);
         }
-        // Once for each version, by the same instructions: only so is what is taken away what was added, to the last bit.
+        // Once for each version, or flux, by the same instructions: only so is what is taken away what was added, to the last bit.
         uint version = 0;
         for (;;) {
             uint index = version == 0 ? light.view : light.other_view;
-            float times = version == 0 ? comes : goes;
+            float times = version == 0 ? comes : difference ? goes : -1.0;
+            vec3 flux = version == 0 || difference ? light.flux : light.other_flux;
             View front = views.at[index];
             View back = views.at[light.kind == LIGHT_POINT ? index + 1 : index];
             [[unroll]] for (uint k = 0; k < TEXELS; ++k) {
                 float seen = OWN_VIEW ? visibility(light.radius, facing(front, back, moved[k]), moved[k], faces[k], clearances[k])
                                       : visibility(Uints(front.depth), sights[k]);
-                add(light.flux, values[k] * seen, times, high[k], low[k]);
-                if (dimmed) add(light.other_flux, values[k] * seen, -1.0, high[k], low[k]);
+                add(flux, values[k] * seen, times, high[k], low[k]);
+                if (OWN_VIEW && dimmed) add(light.other_flux, values[k] * seen, -1.0, high[k], low[k]);
             }
-            if (++version == versions) break;
+            if (++version > uint(twice)) break;
         }
         if (mask == 0) break;
     }
