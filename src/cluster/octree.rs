@@ -17,7 +17,7 @@ pub const LEAF_CAPACITY: usize = 16;
 pub struct Node {
     sums: Sums,
     content: Content,
-    /// The tree's version in which a VPL was last added or removed.
+    /// As [`Node::version`] says.
     version: u64,
 }
 

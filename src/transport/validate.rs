@@ -103,7 +103,7 @@ impl Validator {
         self.marks.values().map(|m| m.invalid).sum()
     }
 
-    /// The energy of these paths in lumens (mean over RGB).
+    /// About the energy of these paths in lumens (mean over RGB), as if their lights were as bright as they are referred to.
     pub fn invalid_flux(&self) -> f64 {
         self.invalid_paths() as f64 * self.settings.flux_per_path
     }
