@@ -93,7 +93,10 @@ vec3 to_direction(vec3 local) {
 Sight sight(View view, vec3 p, vec3 n, Clearance clearance, float bias) {
     Lookup at = lookup(view, p, n, clearance, INDIRECT_LIFT, bias);
     vec3 local = to_local(view, at.d);
-    return sight(view.size, to_direction(local), local, to_local(view, n), at);
+    Sight s = sight(view.size, to_direction(local), local, to_local(view, n), at);
+    // What lies behind the surface that the light is on, that hides.
+    s.most = dot(view.z, p - view.origin) < 0.0 ? -1.0 : s.most;
+    return s;
 }
 
 // 1, or 0.

@@ -342,10 +342,12 @@ fn punctual(light: &Light) -> Option<VirtualLight> {
         },
         Aperture::Surface { .. } => return None,
     };
+    let normal = -Vec3::from(light.transform.matrix3.z_axis).normalize();
     Some(VirtualLight {
         shape,
         position: light.transform.translation.into(),
-        normal: -Vec3::from(light.transform.matrix3.z_axis).normalize(),
+        normal,
+        surface: normal,
         flux: light.intensity,
         direct: true,
     })

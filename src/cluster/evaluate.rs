@@ -114,6 +114,7 @@ mod tests {
             },
             position: Vec3::Y,
             normal: Vec3::NEG_Y,
+            surface: Vec3::NEG_Y,
             flux: Vec3::ONE,
             direct: true,
         }

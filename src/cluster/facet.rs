@@ -257,6 +257,7 @@ fn one_polygon(facets: &[Facet]) -> Option<VirtualLight> {
         },
         position: offset(center, plane.normal),
         normal: plane.normal,
+        surface: plane.normal,
         flux: facets.iter().map(Facet::flux).sum(),
         direct: true,
     })
@@ -292,6 +293,7 @@ fn disk(facets: &[Facet]) -> VirtualLight {
         },
         position: offset(nearest.center(), nearest.normal),
         normal,
+        surface: normal,
         flux: facets.iter().map(Facet::flux).sum(),
         direct: true,
     }

@@ -48,6 +48,10 @@ pub struct VirtualLight {
     pub position: Vec3,
     /// Unit vector the emitter faces (polygon, disk) or aims along (spot, directional).
     pub normal: Vec3,
+    /// Of indirect light, the unit normal of the surface that the position lies on, which hides what is behind it; of direct
+    /// light, the normal. What stands for many VPLs faces as they do in the mean, which any of them changes; what it sees
+    /// depends on the position and this alone.
+    pub surface: Vec3,
     /// Polygon, disk: radiant flux in lumens. Point, spot: candela. Directional: lux.
     pub flux: Vec3,
     /// Comes straight from a light source: gets the finer shadow map.
@@ -57,7 +61,7 @@ pub struct VirtualLight {
 impl VirtualLight {
     /// Whether another light is this one, but for its flux.
     pub(crate) fn is_dimmed(&self, other: &Self) -> bool {
-        let at = |light: &Self| (light.position, light.normal, light.direct);
+        let at = |light: &Self| (light.position, light.normal, light.surface, light.direct);
         at(self) == at(other) && self.shape == other.shape
     }
 }

@@ -190,6 +190,7 @@ impl Groups {
             shape: Shape::Polygon { vertices },
             position: offset(nearest.position, nearest.normal),
             normal: group.plane.normal,
+            surface: nearest.normal,
             flux: flux(members, scale),
             direct: false,
         })
@@ -228,6 +229,7 @@ impl Groups {
             },
             position: offset(nearest.position, nearest.normal),
             normal,
+            surface: nearest.normal,
             flux: flux(group, scale),
             direct: false,
         }

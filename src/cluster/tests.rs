@@ -76,6 +76,7 @@ fn a_few_hundred_lights_stand_for_all_vpls() {
         shape: Shape::Disk { area: 1e-3 },
         position: crate::transport::intersect::offset(v.position, v.normal),
         normal: v.normal,
+        surface: v.normal,
         flux: v.flux,
         direct: false,
     };

@@ -103,6 +103,7 @@ fn slivers_are_no_nearer_than_their_vertices() {
     let light = VirtualLight {
         position: Vec3::ZERO,
         normal: Vec3::Z,
+        surface: Vec3::Z,
         ..random_light(&mut numbers, 1)
     };
     let slivers: Vec<[Vec3; 3]> = (0..40_000)
@@ -147,6 +148,7 @@ fn coarser_occluders_hide_what_their_triangles_do() {
     let light = VirtualLight {
         position: Vec3::ZERO,
         normal: Vec3::Z,
+        surface: Vec3::Z,
         ..random_light(&mut numbers, 1)
     };
     // Hilly ground all around, and nothing between its hills and the light.

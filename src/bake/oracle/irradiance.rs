@@ -6,13 +6,18 @@ use super::{EVALUATION, Numbers, accumulate, gpu, random_light, random_texels};
 use crate::cluster::{Shape, VirtualLight};
 use crate::scene::Scene;
 
-/// Irradiance without occlusion in double precision, the polygon clipped vertex by vertex, its form factor with `acos`.
+/// Irradiance in double precision, without occlusion but for that by the surface that the light lies on, the polygon clipped vertex by vertex, its form factor with `acos`.
 pub(super) fn irradiance(light: &VirtualLight, p: DVec3, n: DVec3) -> DVec3 {
     let flux = light.flux.as_dvec3();
     let normal = light.normal.as_dvec3();
     let l = light.position.as_dvec3() - p;
     let (d2, unit) = (l.length_squared(), l.normalize());
     let pi = std::f64::consts::PI;
+    if l.dot(light.surface.as_dvec3()) > 0.0
+        && matches!(light.shape, Shape::Disk { .. } | Shape::Polygon { .. })
+    {
+        return DVec3::ZERO;
+    }
     match &light.shape {
         Shape::Directional { .. } => flux * (-n.dot(normal)).max(0.0),
         Shape::Point => flux * n.dot(unit).max(0.0) / d2,

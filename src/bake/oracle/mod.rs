@@ -235,10 +235,16 @@ pub(super) fn random_light(numbers: &mut Numbers, kind: usize) -> VirtualLight {
     };
     // The polygon of u and v is counter-clockwise around u x v.
     let normal = if kind == 0 { u.cross(v) } else { normal };
+    // What it lies on is a little tilted.
+    let surface = match kind {
+        0 | 1 => (normal + 0.3 * numbers.direction()).normalize(),
+        _ => normal,
+    };
     VirtualLight {
         shape,
         position,
         normal,
+        surface,
         flux: Vec3::new(1.0, 2.0, 3.0),
         direct: false,
     }

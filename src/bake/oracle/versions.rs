@@ -347,6 +347,7 @@ fn a_tile_takes_the_place_of_another_beside_what_was_asked_for_too() {
         shape: Shape::Disk { area: 0.01 },
         position: Vec3::ZERO,
         normal: Vec3::Z,
+        surface: Vec3::Z,
         flux: Vec3::ONE,
         direct: false,
     };

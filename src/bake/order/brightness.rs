@@ -203,10 +203,14 @@ fn norms(
                 let direction = x * local.x + y * local.y + light.normal * local.z;
                 (direction, light.position)
             }
-            _ => (
-                sampling::cosine_hemisphere(light.normal, u),
-                offset(light.position, light.normal),
-            ),
+            _ => {
+                let direction = sampling::cosine_hemisphere(light.normal, u);
+                // Its own surface hides that.
+                if direction.dot(light.surface) <= 0.0 {
+                    continue;
+                }
+                (direction, offset(light.position, light.surface))
+            }
         };
         let Some(hit) = bvh.closest(scene, origin, direction, far) else {
             continue;
@@ -242,6 +246,7 @@ mod tests {
             shape,
             position,
             normal,
+            surface: normal,
             flux: Vec3::ONE,
             direct: false,
         };

@@ -120,6 +120,7 @@ mod tests {
             shape,
             position,
             normal: Vec3::new(0.3, 0.9, -0.1).normalize(),
+            surface: Vec3::Y,
             flux: Vec3::splat(5.0),
             direct: true,
         };

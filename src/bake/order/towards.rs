@@ -85,7 +85,7 @@ fn sample(
         let origin = match light.shape {
             Shape::Directional { .. } => target - light.normal * 0.5 * far,
             Shape::Point | Shape::Spot { .. } => light.position,
-            _ => offset(light.position, light.normal),
+            _ => offset(light.position, light.surface),
         };
         let direction = (target - origin).normalize_or_zero();
         if direction == Vec3::ZERO {
@@ -145,6 +145,7 @@ mod tests {
             shape: Shape::Disk { area: 0.01 },
             position: center + Vec3::Y * 0.45 * size.y,
             normal: Vec3::NEG_Y,
+            surface: Vec3::NEG_Y,
             flux: Vec3::ONE,
             direct: false,
         };

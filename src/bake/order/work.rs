@@ -101,6 +101,7 @@ mod tests {
             shape: Shape::Disk { area: 0.1 },
             position: Vec3::ZERO,
             normal: Vec3::Y,
+            surface: Vec3::Y,
             flux: Vec3::ONE,
             direct: false,
         };

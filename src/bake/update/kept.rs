@@ -30,7 +30,7 @@ impl Key {
         };
         Self {
             place: light.position.to_array().map(f32::to_bits),
-            pole: light.normal.to_array().map(f32::to_bits),
+            pole: light.surface.to_array().map(f32::to_bits),
             cone: cone.to_bits(),
             size: Size::of(light),
             version,
@@ -264,6 +264,7 @@ mod tests {
             shape: Shape::Disk { area: 1.0 },
             position: Vec3::new(x, 0.0, 0.0),
             normal: Vec3::Y,
+            surface: Vec3::Y,
             flux: Vec3::ONE,
             direct: false,
         };

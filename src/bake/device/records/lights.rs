@@ -142,12 +142,12 @@ pub(in crate::bake) fn record(
             let center = vertices.iter().sum::<Vec3>() / vertices.len() as f32;
             out.position = center.to_array();
             out.radius = radius(light);
-            hemicube(light.normal, 0.0);
+            hemicube(light.surface, 0.0);
         }
         Shape::Disk { area } => {
             out.kind = LIGHT_DISK;
             out.area = *area;
-            hemicube(light.normal, 0.0);
+            hemicube(light.surface, 0.0);
         }
         Shape::Point => {
             out.kind = LIGHT_POINT;
@@ -265,12 +265,19 @@ pub(in crate::bake) fn misses(
 ) -> bool {
     let size = sizes.of(light);
     let slack = 2.0 * epsilon;
+    // The map may show what lies behind the light, to receivers that do not, as far as lookups reach beside them.
+    let aside = if light.surface == light.normal {
+        1e-4
+    } else {
+        2.0 * LOOKUP * 2.0 / size as f32 + 1e-4
+    };
     // The view looks from the position, a polygon's plane is its vertices'.
     let behind = |from: Vec3| {
         regions.iter().all(|r| {
-            let reach = light.normal.abs().dot(Vec3::from(r.extent)) + slack;
-            let away = light.normal.dot(Vec3::from(r.center) - from);
-            away + reach + 1e-4 * from.distance(Vec3::from(r.center)) < 0.0
+            let (center, extent) = (Vec3::from(r.center), Vec3::from(r.extent));
+            let reach = light.normal.abs().dot(extent) + slack;
+            let away = light.normal.dot(center - from);
+            away + reach + aside * (from.distance(center) + extent.length()) < 0.0
         })
     };
     match &light.shape {

@@ -16,13 +16,23 @@ fn light() -> impl Strategy<Value = VirtualLight> {
         Just(Shape::Point),
         (0.1f32..1.5).prop_map(|outer| Shape::Spot { inner: 0.05, outer }),
     ];
-    (shape, vector(2.0), vector(1.0), any::<bool>()).prop_map(
-        |(shape, position, normal, direct)| VirtualLight {
-            shape,
-            position,
-            normal: normal.normalize_or(Vec3::Y),
-            flux: Vec3::ONE,
-            direct,
+    let directions = (vector(1.0), vector(0.3));
+    (shape, vector(2.0), directions, any::<bool>()).prop_map(
+        |(shape, position, (normal, tilt), direct)| {
+            let normal = normal.normalize_or(Vec3::Y);
+            let tilted = matches!(shape, Shape::Disk { .. }) && !direct;
+            VirtualLight {
+                shape,
+                position,
+                normal,
+                surface: if tilted {
+                    (normal + tilt).normalize()
+                } else {
+                    normal
+                },
+                flux: Vec3::ONE,
+                direct,
+            }
         },
     )
 }

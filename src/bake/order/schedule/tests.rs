@@ -16,6 +16,7 @@ fn light(x: f32, flux: f32) -> VirtualLight {
         shape: Shape::Disk { area: 0.01 },
         position: Vec3::new(x, 0.0, 0.0),
         normal: Vec3::Y,
+        surface: Vec3::Y,
         flux: Vec3::splat(flux),
         direct: false,
     }
