@@ -212,7 +212,7 @@ void list(uint tile, uint reaching) {
         uint view = lights.at[i].view;
         uint rounds = asked ? (version == other ? 1 : 2) : 0;
         // Where one tile takes another's place, what the one adds beside what was asked for, the other has to take away.
-        bool part = stands(instance, version) && stands(instance, other);
+        bool part = version != other && stands(instance, version) && stands(instance, other);
         // The version that it comes in, then that which it goes from.
         for (uint k = 0; k < rounds; ++k) {
             if (stands(instance, version) && !occluded(view, tile, center, extent, axis, lowest, part)) seen = true;

@@ -95,7 +95,7 @@ Sight sight(View view, vec3 p, vec3 n, Clearance clearance, float bias) {
     vec3 local = to_local(view, at.d);
     Sight s = sight(view.size, to_direction(local), local, to_local(view, n), at);
     // What lies behind the surface that the light is on, that hides.
-    s.most = dot(view.z, p - view.origin) < 0.0 ? -1.0 : s.most;
+    s.most = dot(view.z, p - view.origin) < 0.0 ? -3e38 : s.most;
     return s;
 }
 

@@ -64,6 +64,14 @@ impl VirtualLight {
         let at = |light: &Self| (light.position, light.normal, light.surface, light.direct);
         at(self) == at(other) && self.shape == other.shape
     }
+
+    /// Whether another light of an area sees the scene as this one does: the same shadows.
+    pub(crate) fn sees_as(&self, other: &Self) -> bool {
+        let is_area =
+            |light: &Self| matches!(light.shape, Shape::Disk { .. } | Shape::Polygon { .. });
+        let at = |light: &Self| (light.position, light.surface, light.direct);
+        is_area(self) && is_area(other) && at(self) == at(other)
+    }
 }
 
 /// The emitter's geometry.

@@ -121,6 +121,7 @@ pub(super) fn around() -> Surroundings<'static> {
     Surroundings {
         version: 0,
         other: 0,
+        begins: 0,
         parts: Parts::ALL,
         kept: [0; 2],
         regions: &[],
@@ -237,7 +238,7 @@ pub(super) fn random_light(numbers: &mut Numbers, kind: usize) -> VirtualLight {
     let normal = if kind == 0 { u.cross(v) } else { normal };
     // What it lies on is a little tilted.
     let surface = match kind {
-        0 | 1 => (normal + 0.3 * numbers.direction()).normalize(),
+        0 | 1 => (normal + 0.2 * u).normalize(),
         _ => normal,
     };
     VirtualLight {
@@ -247,6 +248,18 @@ pub(super) fn random_light(numbers: &mut Numbers, kind: usize) -> VirtualLight {
         surface,
         flux: Vec3::new(1.0, 2.0, 3.0),
         direct: false,
+    }
+}
+
+/// A light that sees the same, as VPLs that changed leave one behind, but shines otherwise.
+pub(super) fn turned(numbers: &mut Numbers, light: &VirtualLight) -> VirtualLight {
+    VirtualLight {
+        shape: Shape::Disk {
+            area: numbers.next(),
+        },
+        normal: (light.normal + 0.2 * numbers.direction()).normalize(),
+        flux: light.flux * (0.5 + numbers.next()),
+        ..light.clone()
     }
 }
 

@@ -285,9 +285,10 @@ pub(in crate::bake) fn exchange(
     let dimmed = |light: &VirtualLight, others: &[Shining]| -> bool {
         others.iter().any(|(other, _)| other.is_dimmed(light))
     };
-    let comes = |l: &VirtualLight| match dimmed(l, &gone) {
-        true => Work::dim(l),
-        false => Work::add(l),
+    let comes = |l: &VirtualLight| match gone.iter().find(|(old, _)| old.sees_as(l)) {
+        _ if dimmed(l, &gone) => Work::dim(l),
+        Some(_) => Work::replace(l),
+        None => Work::add(l),
     };
     let goes = gone.iter().filter(|(l, _)| !dimmed(l, &come));
     let work = (come.iter().map(|(l, _)| comes(l)))

@@ -45,6 +45,14 @@ impl Work {
         }
     }
 
+    /// Adding a light that sees what one that leaves sees: of its depth map only what changed is drawn.
+    pub fn replace(light: &VirtualLight) -> Self {
+        Self {
+            draw: LIMITED,
+            ..Self::add(light)
+        }
+    }
+
     /// Taking a light away again.
     pub fn subtract(light: &VirtualLight) -> Self {
         Self {
@@ -111,6 +119,8 @@ mod tests {
         assert!(seen < 1.0 && rest < seen && seen + rest < 1.1);
         let subtract = Work::subtract(&light).within(Parts::ALL);
         assert!(subtract < 0.5);
+        let replace = Work::replace(&light).within(Parts::ALL);
+        assert!(subtract < replace && replace < 0.6);
         let nothing = Work::follow(&light, &[]).within(Parts::ALL);
         assert!(nothing < subtract && nothing > 0.0);
     }

@@ -76,6 +76,25 @@ impl Illumination {
         self.enter(Pending { flux, ..new })
     }
 
+    /// Adds a light, which may see what one of those sees that leave: then only what changed is drawn for it.
+    fn push_instead(
+        &mut self,
+        parts: Parts,
+        leaving: &[(VirtualLight, Version)],
+        (light, to): (VirtualLight, Version),
+    ) -> Result<()> {
+        let mut new = self.pending(parts, light, Sign::Add, to);
+        let seen = leaving.iter().find(|(old, _)| old.sees_as(&new.light));
+        if let Some(&(_, from)) = seen.filter(|(_, from)| *from != to) {
+            if self.sees_change(&new.light, from, to) {
+                new.begins = Some(from);
+            } else {
+                self.kept.share(&new.light, from, to);
+            }
+        }
+        self.enter(new)
+    }
+
     /// Whether the change between two versions can make a difference to a light's light.
     fn sees_change(&mut self, light: &VirtualLight, from: Version, to: Version) -> bool {
         if from == to {
@@ -92,6 +111,7 @@ impl Illumination {
             sign,
             version,
             other: version,
+            begins: None,
             flux: None,
             parts,
             update: self.updates,
@@ -125,7 +145,7 @@ impl Illumination {
             let dimmed = |(old, _): &(VirtualLight, _)| old.is_dimmed(&light);
             match leaving.iter().position(dimmed) {
                 Some(at) => self.push_flux(parts, leaving.swap_remove(at), (light, to))?,
-                None => self.push_to(parts, light, Sign::Add, to)?,
+                None => self.push_instead(parts, &leaving, (light, to))?,
             }
         }
         for (light, from) in leaving {

@@ -93,7 +93,7 @@ pub(super) struct Slot {
 pub(super) struct Keeping {
     /// That of its version.
     pub load: Option<Slot>,
-    /// That of the version which a difference takes it away from.
+    /// That of the version which a difference takes it away from, or of a light that leaves: its own begins as that.
     pub load_other: Option<Slot>,
     /// Where that of its version goes.
     pub store: Option<Slot>,
@@ -165,6 +165,9 @@ impl KeptMaps {
             keeping.load = self.find(&key);
         } else if new.sign == Sign::Add {
             (keeping.load, keeping.store) = self.hold(key, new.parts);
+            if let (None, Some(version)) = (keeping.load, new.begins) {
+                keeping.load_other = self.find(&Key { version, ..key });
+            }
         } else {
             keeping.load = self.find(&key);
             self.release(&key, new.parts);
@@ -181,6 +184,16 @@ impl KeptMaps {
         }
         self.release(&from, parts);
         self.count(&to, parts);
+    }
+
+    /// What a light sees in one version, it sees in another: what comes there finds the map of what leaves here.
+    pub fn share(&mut self, light: &VirtualLight, from: Version, to: Version) {
+        let [from, to] = [from, to].map(|version| Key::new(light, version));
+        if let Some(slot) = self.find(&from)
+            && !self.entries.contains_key(&to)
+        {
+            self.enter(to, slot);
+        }
     }
 
     fn find(&self, key: &Key) -> Option<Slot> {
@@ -252,131 +265,4 @@ impl KeptMaps {
 }
 
 #[cfg(test)]
-mod tests {
-    use glam::Vec3;
-
-    use super::*;
-    use crate::bake::device::shared::BATCH;
-    use crate::gpu::GpuOptions;
-
-    fn pending(x: f32, sign: Sign, [other, version]: [Version; 2], parts: Parts) -> Pending {
-        let light = VirtualLight {
-            shape: Shape::Disk { area: 1.0 },
-            position: Vec3::new(x, 0.0, 0.0),
-            normal: Vec3::Y,
-            surface: Vec3::Y,
-            flux: Vec3::ONE,
-            direct: false,
-        };
-        Pending {
-            light,
-            sign,
-            version,
-            other,
-            flux: None,
-            parts,
-            update: 0,
-            keeping: Keeping::default(),
-        }
-    }
-
-    const SIZES: ShadowSizes = ShadowSizes {
-        indirect: 8,
-        direct: 16,
-        sun: 8,
-    };
-
-    fn slot(size: Size, place: u32) -> Slot {
-        Slot { size, place }
-    }
-
-    #[test]
-    fn maps_stay_as_long_as_either_part_refers_to_them_and_slots_come_back() {
-        let gpu = Gpu::new(&GpuOptions::default()).expect("a Vulkan device");
-        let mut maps = KeptMaps::new(&gpu, &SIZES, 2 * hemicube_bytes(SIZES.indirect));
-        let mut note = |x, sign, versions, parts| maps.note(&pending(x, sign, versions, parts));
-        // As many lights as may be sent together: none of them may draw over a map that another one looks up.
-        let others = |note: &mut dyn FnMut(f32, Sign, [Version; 2], Parts) -> Keeping| {
-            for _ in 0..BATCH {
-                let nothing = note(9.0, Sign::Subtract, [0, 0], Parts::ALL);
-                assert_eq!(nothing, Keeping::default());
-            }
-        };
-        let own = |place| Some(slot(Size::Indirect, place));
-        let new = |place| Keeping {
-            store: own(place),
-            ..Keeping::default()
-        };
-        let known = |place| Keeping {
-            load: own(place),
-            ..Keeping::default()
-        };
-        let (add, subtract) = (Sign::Add, Sign::Subtract);
-        assert_eq!(note(1.0, add, [0, 0], Parts::SEEN), new(0));
-        assert_eq!(note(1.0, add, [0, 0], Parts::REST), known(0));
-        assert_eq!(note(2.0, add, [0, 0], Parts::ALL), new(1));
-        // There is no room for a third one, and so none for what follows from it.
-        assert_eq!(note(3.0, add, [0, 0], Parts::ALL), Keeping::default());
-        assert_eq!(note(3.0, add, [0, 1], Parts::ALL), Keeping::default());
-        // A light goes from one part, and the map stays for the other; then its slot is free.
-        assert_eq!(note(1.0, subtract, [0, 0], Parts::REST), known(0));
-        assert_eq!(note(1.0, subtract, [0, 0], Parts::SEEN), known(0));
-        assert_eq!(note(1.0, subtract, [0, 0], Parts::SEEN), Keeping::default());
-        assert_eq!(note(3.0, add, [0, 0], Parts::ALL), Keeping::default());
-        others(&mut note);
-        // To another version, in one part after the other: drawn once.
-        let there = note(2.0, add, [0, 1], Parts::SEEN);
-        assert_eq!((there.load_other, there.store), (own(1), own(0)));
-        let there = note(2.0, add, [0, 1], Parts::REST);
-        assert_eq!((there.load_other, there.load), (own(1), own(0)));
-        others(&mut note);
-        assert_eq!(note(4.0, add, [1, 1], Parts::ALL), new(1));
-        // Where nothing differs a map serves both versions.
-        let light = pending(4.0, add, [1, 1], Parts::ALL).light;
-        maps.rename(&light, Parts::SEEN, 1, 2);
-        let mut note = |x, sign, versions, parts| maps.note(&pending(x, sign, versions, parts));
-        assert_eq!(note(4.0, subtract, [1, 1], Parts::REST), known(1));
-        assert_eq!(note(4.0, subtract, [2, 2], Parts::SEEN), known(1));
-        others(&mut note);
-        assert_eq!(note(5.0, add, [2, 2], Parts::ALL), new(1));
-    }
-
-    #[test]
-    fn a_dimmed_light_finds_its_map_and_direct_light_leaves_half_of_the_room() {
-        let gpu = Gpu::new(&GpuOptions::default()).expect("a Vulkan device");
-        let all = Size::ALL.map(|size| size.bytes(&SIZES));
-        let mut maps = KeptMaps::new(&gpu, &SIZES, 2 * all[2] + all[1]);
-        let direct = |x, shape, flux: f32, sign| {
-            let mut new = pending(x, sign, [0, 0], Parts::ALL);
-            (new.light.shape, new.light.direct) = (shape, true);
-            new.light.flux *= flux;
-            new
-        };
-        let lamp = maps.note(&direct(0.0, Shape::Point, 2.0, Sign::Add));
-        assert_eq!(lamp.store, Some(slot(Size::Point, 0)));
-        // It is drawn neither for what comes nor for what goes.
-        let dimmed = maps.note(&direct(0.0, Shape::Point, 1.0, Sign::Add));
-        let gone = maps.note(&direct(0.0, Shape::Point, 2.0, Sign::Subtract));
-        assert_eq!((dimmed.load, gone.load), (lamp.store, lamp.store));
-        // A spot that opens shows more than its map does; and there is room for no more direct light.
-        let spot = |outer| Shape::Spot { inner: 0.1, outer };
-        let narrow = maps.note(&direct(1.0, spot(0.2), 1.0, Sign::Add));
-        assert_eq!(narrow.store, None);
-        let left = maps.note(&direct(0.0, Shape::Point, 1.0, Sign::Subtract));
-        assert_eq!(left.load, lamp.store);
-        for _ in 0..BATCH {
-            maps.note(&direct(9.0, Shape::Point, 1.0, Sign::Subtract));
-        }
-        let (first, second) = (
-            maps.note(&direct(2.0, Shape::Point, 1.0, Sign::Add)),
-            maps.note(&pending(3.0, Sign::Add, [0, 0], Parts::ALL)),
-        );
-        assert_eq!(first.store, lamp.store);
-        assert_eq!(second.store, Some(slot(Size::Indirect, 0)));
-        let mut maps = KeptMaps::new(&gpu, &SIZES, 2 * 2 * all[1]);
-        let narrow = maps.note(&direct(1.0, spot(0.2), 1.0, Sign::Add));
-        let wide = maps.note(&direct(1.0, spot(0.3), 1.0, Sign::Add));
-        assert_eq!(narrow.store, Some(slot(Size::Direct, 0)));
-        assert_eq!(wide.store, Some(slot(Size::Direct, 1)));
-    }
-}
+mod tests;

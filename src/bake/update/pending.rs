@@ -25,6 +25,8 @@ pub(super) struct Pending {
     pub version: Version,
     /// The version that a difference takes it away from; the same where the whole light comes or goes.
     pub other: Version,
+    /// The version of a light that leaves and sees what this one sees, if that is another one: its map begins as that light's.
+    pub begins: Option<Version>,
     /// Of direct light, the flux that it had, which goes where it comes.
     pub flux: Option<Vec3>,
     /// Of the map, which it is to reach.
@@ -35,6 +37,14 @@ pub(super) struct Pending {
 }
 
 impl Pending {
+    /// The version whose map its own begins as; its own, where it begins with nothing.
+    pub fn begins(&self) -> Version {
+        match (self.other == self.version, self.keeping.load_other) {
+            (true, Some(_)) => self.begins.unwrap_or(self.version),
+            _ => self.other,
+        }
+    }
+
     /// Which passes evaluate it: those for indirect lights, or for direct ones.
     pub fn queue(&self) -> usize {
         usize::from(self.light.direct)
@@ -42,7 +52,8 @@ impl Pending {
 
     /// What it takes, as [`Costs`] counts.
     pub fn kind(&self) -> usize {
-        let how = match (self.version != self.other, self.keeping.load) {
+        let kept = self.keeping.load.or(self.keeping.load_other);
+        let how = match (self.version != self.other, kept) {
             (true, _) => allowance::DIFFERENCE,
             (false, Some(_)) => allowance::KEPT,
             (false, None) => allowance::DRAWN,

@@ -83,7 +83,7 @@ impl Illumination {
     /// The oldest version that lights wait to be evaluated in.
     pub(in crate::bake) fn oldest_waiting(&self) -> Option<Version> {
         let waiting = self.queues.iter().flat_map(|q| &q.pending);
-        waiting.map(|p| p.version.min(p.other)).min()
+        waiting.map(|p| p.version.min(p.begins())).min()
     }
 
     /// Sends what is pending and waits for everything.
@@ -109,9 +109,11 @@ impl Illumination {
             .keeping
             .places()
             .map(|slot| u64::from(slot.is_none()));
-        let (versions, drawn) = match pending.version == pending.other {
-            true => (1, own),
-            false => (2, own + other),
+        let (versions, drawn) = match (pending.version == pending.other, pending.keeping.load_other)
+        {
+            (true, None) => (1, own),
+            (true, Some(_)) => (2, own),
+            (false, _) => (2, own + other),
         };
         (versions * views, drawn * views * bytes)
     }
@@ -180,10 +182,8 @@ impl Illumination {
         let mut between = (0, 0, 0..0);
         let mut alone = [false; 2];
         for pending in &sending {
-            let (a, b) = (
-                pending.version.min(pending.other),
-                pending.version.max(pending.other),
-            );
+            let begins = pending.begins();
+            let (a, b) = (pending.version.min(begins), pending.version.max(begins));
             if (a, b) != (between.0, between.1) {
                 let first = regions.len();
                 lookups.clear();
@@ -198,6 +198,7 @@ impl Illumination {
             let around = Surroundings {
                 version: pending.version,
                 other: pending.other,
+                begins,
                 parts: pending.parts,
                 kept: kept(pending, alone),
                 regions: &lookups,
@@ -209,13 +210,14 @@ impl Illumination {
             };
             let sign = if pending.sign == Sign::Add { 1 } else { -1 };
             let light = records::record(&pending.light, sign, &self.sizes, &around, &mut views);
-            for (first, slot) in [light.view, light.other_view]
-                .into_iter()
+            let count = views_of(&pending.light);
+            for (first, slot) in (light.view..)
+                .step_by(count as usize)
                 .zip(pending.keeping.places())
             {
                 let Some(slot) = slot else { continue };
                 let (buffer, mut at) = self.kept.at(slot);
-                for view in first..first + views_of(&pending.light) {
+                for view in first..first + count {
                     places.insert(view, Place { buffer, at });
                     at += views[view as usize].bytes();
                 }
@@ -333,7 +335,7 @@ fn kept(pending: &Pending, alone: [bool; 2]) -> [u32; 2] {
     let Keeping {
         load, load_other, ..
     } = pending.keeping;
-    let goes = alone[usize::from(pending.other > pending.version)];
+    let goes = alone[usize::from(pending.begins() > pending.version)];
     let own = match (load, load_other) {
         (Some(_), _) => KEPT_ALL,
         (None, Some(_)) if goes => KEPT_BESIDE,

@@ -46,6 +46,8 @@ pub(in crate::bake) struct Surroundings<'a> {
     pub version: Version,
     /// The version that a difference takes the light away from; the same where the whole light comes or goes.
     pub other: Version,
+    /// The version whose map its own begins as: that other one, or that of a light that leaves; its own, where it begins with nothing.
+    pub begins: Version,
     /// Of the map, which the light is to reach.
     pub parts: Parts,
     /// What of its views, and of those in the other version, was kept (`KEPT_*`).
@@ -102,7 +104,7 @@ pub(in crate::bake) fn record(
         blur_slope: LOOKUP * 2.0 / size as f32,
         ..Light::zeroed()
     };
-    let whole = around.version == around.other;
+    let whole = around.version == around.begins;
     let boxes = if whole {
         Vec::new()
     } else {
@@ -121,7 +123,7 @@ pub(in crate::bake) fn record(
             cos_cone,
             coarse: if light.direct { 0.0 } else { coarse(size) },
             version: around.version,
-            other: around.other,
+            other: around.begins,
             base: 0,
             kept: around.kept[0],
             asked: if whole {
@@ -172,10 +174,13 @@ pub(in crate::bake) fn record(
     if around.soft {
         out.blur += 2.0 * out.radius;
     }
-    if around.version != around.other {
-        out.other_view = views.len() as u32;
+    if !whole {
+        let second = views.len();
+        if around.version != around.other {
+            out.other_view = second as u32;
+        }
         views.extend_from_within(first_view..);
-        let (own, others) = views[first_view..].split_at_mut((out.other_view - out.view) as usize);
+        let (own, others) = views[first_view..].split_at_mut(second - first_view);
         let apart = own.len() as i32;
         for (view, other) in own.iter_mut().zip(others) {
             if matches!(view.kept, KEPT_BESIDE | KEPT_BOTH) {
@@ -255,8 +260,8 @@ fn seen(light: &VirtualLight, around: &Surroundings, margin: f32) -> Vec<Seen> {
     regions.collect()
 }
 
-/// Whether nothing in the regions can receive a light's light or stand in its way: all of them lie behind it, or outside of its
-/// cone, by more than its lookups reach. `epsilon`: half a texel, metres.
+/// Whether nothing in the regions can receive a light's light or be seen in its views: all of them lie behind its surface, or
+/// outside of its cone, by more than its lookups reach. `epsilon`: half a texel, metres.
 pub(in crate::bake) fn misses(
     light: &VirtualLight,
     sizes: &ShadowSizes,
@@ -265,19 +270,18 @@ pub(in crate::bake) fn misses(
 ) -> bool {
     let size = sizes.of(light);
     let slack = 2.0 * epsilon;
-    // The map may show what lies behind the light, to receivers that do not, as far as lookups reach beside them.
-    let aside = if light.surface == light.normal {
-        1e-4
+    // Receivers are moved out of the emitter's plane, which need not be the surface's.
+    let moved = if light.surface == light.normal {
+        0.0
     } else {
-        2.0 * LOOKUP * 2.0 / size as f32 + 1e-4
+        8.0 * epsilon
     };
     // The view looks from the position, a polygon's plane is its vertices'.
     let behind = |from: Vec3| {
         regions.iter().all(|r| {
-            let (center, extent) = (Vec3::from(r.center), Vec3::from(r.extent));
-            let reach = light.normal.abs().dot(extent) + slack;
-            let away = light.normal.dot(center - from);
-            away + reach + aside * (from.distance(center) + extent.length()) < 0.0
+            let reach = light.surface.abs().dot(Vec3::from(r.extent)) + slack + moved;
+            let away = light.surface.dot(Vec3::from(r.center) - from);
+            away + reach + 1e-4 * from.distance(Vec3::from(r.center)) < 0.0
         })
     };
     match &light.shape {
@@ -303,7 +307,7 @@ fn rectangle(
     around: &Surroundings,
     size: u32,
 ) -> [Asked; FACES as usize] {
-    if around.version == around.other {
+    if around.version == around.begins {
         return [asked::ALL; FACES as usize];
     }
     let margin = 4.0 * LOOKUP / size as f32;
@@ -338,7 +342,7 @@ fn parallel_view(direction: Vec3, size: u32, around: &Surroundings) -> (View, f3
         cos_cone: -1.0,
         coarse: 0.0,
         version: around.version,
-        other: around.other,
+        other: around.begins,
         base: 0,
         kept: around.kept[0],
         asked: rectangle(origin, [x / reach(x), y / reach(y)], around, size),

@@ -65,7 +65,7 @@ proptest! {
             let extent = Vec3::from(region.extent) + epsilon / 3f32.sqrt();
             for at in &at {
                 let way = Vec3::from(region.center) + *at * extent - light.position;
-                let cosine = way.normalize().dot(light.normal);
+                let cosine = way.normalize().dot(light.surface);
                 let least = match light.shape {
                     Shape::Spot { outer, .. } => outer.cos(),
                     _ => 0.0,
