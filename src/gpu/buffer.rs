@@ -142,6 +142,13 @@ impl RawBuffer {
         let mapped = mapped.expect("upload buffers are mapped");
         mapped[offset as usize..][..bytes.len()].copy_from_slice(bytes);
     }
+
+    /// What lies at byte `offset` of a [`Memory::Readback`] buffer; the caller has waited for the device to write it.
+    pub(super) fn read_mapped<T: Pod>(&self, offset: u64) -> T {
+        let mapped = self.allocation.as_ref().and_then(|a| a.mapped_slice());
+        let mapped = mapped.expect("readback buffers are mapped");
+        bytemuck::pod_read_unaligned(&mapped[offset as usize..][..size_of::<T>()])
+    }
 }
 
 impl Gpu {

@@ -11,7 +11,7 @@ use bytemuck::Pod;
 
 use super::error::Result;
 use super::queue::MAX_UPLOAD;
-use super::recording::{MAX_TIMESTAMPS, Recording};
+use super::recording::{MAX_TIMESTAMPS, Recording, Scope};
 use super::{Buffer, Gpu, Pipeline, Ticket};
 
 /// One side of a barrier. Every barrier covers all memory of its stages.
@@ -130,7 +130,11 @@ impl Commands {
             }
         }
         if let (true, Some(recording)) = (timed, self.recording.as_mut()) {
-            recording.scopes.push((name, first));
+            recording.scopes.push(Scope {
+                name,
+                first,
+                counted: counts.is_some(),
+            });
         }
         result
     }

@@ -11,7 +11,7 @@ use super::buffer::{Memory, RawBuffer};
 use super::clock::Clock;
 use super::error::{GpuError, Result};
 use super::garbage::Garbage;
-use super::recording::{ALL_TIMESTAMPS, Recording};
+use super::recording::Recording;
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
@@ -79,51 +79,18 @@ impl Queue {
 
     pub(super) fn begin(&mut self, shared: &Shared) -> Result<Recording> {
         self.collect(shared)?;
-        let device = &shared.device;
-        // SAFETY: an idle recording's submission has finished; pointers outlive the calls.
-        unsafe {
-            let mut recording = match self.idle.pop() {
-                Some(mut recording) => {
-                    recording.scopes.clear();
-                    device
-                        .reset_command_pool(recording.pool, vk::CommandPoolResetFlags::empty())
-                        .map_err(GpuError::call("vkResetCommandPool"))?;
-                    recording
-                }
-                None => {
-                    let info = vk::CommandPoolCreateInfo::default().queue_family_index(self.family);
-                    let pool = device
-                        .create_command_pool(&info, None)
-                        .map_err(GpuError::call("vkCreateCommandPool"))?;
-                    let info = vk::CommandBufferAllocateInfo::default()
-                        .command_pool(pool)
-                        .command_buffer_count(1);
-                    let queries = vk::QueryPoolCreateInfo::default()
-                        .query_type(vk::QueryType::TIMESTAMP)
-                        .query_count(ALL_TIMESTAMPS);
-                    let made = device.allocate_command_buffers(&info).and_then(|buffers| {
-                        Ok((buffers[0], device.create_query_pool(&queries, None)?))
-                    });
-                    let (buffer, timestamps) = made.map_err(|result| {
-                        device.destroy_command_pool(pool, None);
-                        GpuError::call("vkAllocateCommandBuffers")(result)
-                    })?;
-                    Recording::new(pool, buffer, timestamps)
-                }
-            };
-            device.reset_query_pool(recording.timestamps, 0, ALL_TIMESTAMPS);
-            let info = vk::CommandBufferBeginInfo::default()
-                .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-            if let Err(result) = device.begin_command_buffer(recording.buffer, &info) {
-                self.idle.push(recording);
-                return Err(GpuError::call("vkBeginCommandBuffer")(result));
-            }
-            recording.begin_trace(shared);
-            recording.serial = self.next;
-            self.live.insert(self.next, None);
-            self.next += 1;
-            Ok(recording)
+        let mut recording = match self.idle.pop() {
+            Some(recording) => recording,
+            None => Recording::new(shared, self.family)?,
+        };
+        // SAFETY: an idle recording's submission has finished.
+        if let Err(error) = unsafe { recording.begin(shared, self.next) } {
+            self.idle.push(recording);
+            return Err(error);
         }
+        self.live.insert(self.next, None);
+        self.next += 1;
+        Ok(recording)
     }
 
     /// Takes a recording back without running it.
@@ -183,15 +150,9 @@ impl Queue {
             .signal_semaphore_infos(&signals)];
         // SAFETY: the recording has ended and is not in flight; it is our turn.
         let sent = unsafe {
-            recording.end_trace(shared, value);
-            shared
-                .device
-                .end_command_buffer(recording.buffer)
-                .and_then(|()| {
-                    shared
-                        .device
-                        .queue_submit2(self.raw, &info, vk::Fence::null())
-                })
+            let ended = recording.end(shared, value);
+            let (device, none) = (&shared.device, vk::Fence::null());
+            ended.and_then(|()| device.queue_submit2(self.raw, &info, none))
         };
         if let Err(result) = sent {
             let error = self.failure("vkQueueSubmit2", result, &recording);
@@ -206,7 +167,7 @@ impl Queue {
     fn failure(&self, call: &str, result: vk::Result, running: &Recording) -> GpuError {
         match result {
             vk::Result::ERROR_DEVICE_LOST => {
-                let names: Vec<_> = running.scopes.iter().map(|(name, _)| *name).collect();
+                let names: Vec<_> = running.scopes.iter().map(|s| s.name).collect();
                 GpuError::Lost {
                     running: names.join(", "),
                 }
@@ -254,7 +215,7 @@ impl Queue {
         self.collect(shared)
     }
 
-    /// Reads timestamps, frees garbage and ring space of all finished submissions.
+    /// Reads what was measured, frees garbage and ring space of all finished submissions.
     fn collect(&mut self, shared: &Shared) -> Result<()> {
         let finished = self.finished(shared)?;
         while self
@@ -353,18 +314,13 @@ impl Queue {
     pub(super) unsafe fn destroy(
         &mut self,
         device: &ash::Device,
-        allocator: Option<&mut Allocator>,
+        mut allocator: Option<&mut Allocator>,
     ) {
         // SAFETY: the caller's promise; each handle is destroyed once.
         unsafe {
-            for recording in self
-                .idle
-                .drain(..)
-                .chain(self.in_flight.drain(..).map(|(_, r)| r))
-            {
-                device.destroy_query_pool(recording.timestamps, None);
-                device.destroy_query_pool(recording.counts.unwrap_or_default(), None);
-                device.destroy_command_pool(recording.pool, None);
+            let flying = self.in_flight.drain(..).map(|(_, recording)| recording);
+            for recording in self.idle.drain(..).chain(flying) {
+                recording.destroy(device, allocator.as_deref_mut());
             }
             if let Some(allocator) = allocator {
                 for (_, garbage) in self.garbage.drain(..) {

@@ -135,8 +135,8 @@ impl Texel {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Clearance {
-    /// Away from what is near, metres per metre that this leads away from it: longer than 1 in a corner. 0 where it leads
-    /// nowhere.
+    /// Away from what is near, metres per metre that this leads away from it: longer than 1 in a corner. 0 where nothing is near,
+    /// or as much on either side.
     pub push: [f32; 3],
     /// Distance of what is nearest, along the surface, metres.
     pub near: f32,

@@ -139,9 +139,10 @@ impl Baker {
                 let came = !self.new_tiles.is_empty();
                 sight.follow(&scene, &self.bvh, &self.atlas, &self.texels, &boxes, came);
             }
-            let (replaced, near) =
+            let (replaced, near) = tracing::debug_span!("clearances").in_scope(|| {
                 self.clearances
-                    .update(&scene, &self.bvh, &mut self.texels, objects, &boxes);
+                    .update(&scene, &self.bvh, &mut self.texels, objects, &boxes)
+            });
             changed.near = near;
             let version = self.illumination.change(
                 &scene,

@@ -45,7 +45,7 @@ impl Baker {
     }
 
     /// Divides the map into what is seen and the rest, where that is another division than before, and nothing is on its way.
-    fn look(&mut self) -> Result<(), GpuError> {
+    pub(in crate::bake) fn look(&mut self) -> Result<(), GpuError> {
         if !self.holdings.are_one() || self.illumination.is_behind() {
             return Ok(());
         }

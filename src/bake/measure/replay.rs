@@ -120,7 +120,9 @@ impl Baker {
         look: &mut dyn FnMut(&mut Self, f64) -> Result<(), BakeError>,
     ) -> Result<Replay, ScriptError> {
         self.look_from(options.camera.as_ref());
-        let first = First::new(self).map_err(|e| ScriptError {
+        // Whoever edits a scene has been looking at it.
+        let first = self.look().and_then(|()| First::new(self));
+        let first = first.map_err(|e| ScriptError {
             line: script.first().map_or(0, |(line, _)| *line),
             cause: Box::new(e.into()),
         })?;

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
+use glam::{Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
 use super::changes::{holds, widened};
@@ -71,7 +71,8 @@ impl Clearances {
         boxes: &[Bounds],
     ) -> (Vec<u32>, Vec<Vec3>) {
         texels.clearances.resize(texels.list.len(), Clearance::OPEN);
-        let wide: Vec<Bounds> = boxes.iter().map(|b| widened(b, self.reach())).collect();
+        let within = |by| -> Vec<Bounds> { boxes.iter().map(|b| widened(b, by)).collect() };
+        let (wide, touched) = (within(self.reach()), within(1.25 * HEIGHT * self.reach));
         let whole = wide.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
         let live = (0..scene.objects.len() as u32).filter(|o| !scene.is_gone(*o));
         let tiles: Vec<(u32, bool)> = live
@@ -100,6 +101,11 @@ impl Clearances {
                     .filter_map(|i| {
                         let position = world(scene, &list[i]);
                         if !changed && !wide.iter().any(|b| holds(b, position)) {
+                            return None;
+                        }
+                        // Rays that pass by what changed find what they found.
+                        let rays = self.rays(scene, &list[i], &old[i]);
+                        if !changed && !rays.iter().any(|ray| ray.meets(&touched)) {
                             return None;
                         }
                         let new = self.around(scene, bvh, &list[i]);
@@ -152,16 +158,35 @@ impl Clearances {
         }
     }
 
+    /// All that [`Clearances::around`] has looked along, or more, for what it found; but for the height at which it starts.
+    fn rays(&self, scene: &Scene, texel: &Texel, found: &Clearance) -> [Segment; 5] {
+        let (origin, face) = place(scene, texel);
+        let (u, v) = face.any_orthonormal_pair();
+        let push = Vec3::from_array(found.push);
+        let both = |axis: Vec3| Segment {
+            middle: origin,
+            half: axis * self.reach,
+        };
+        let ahead = |from: Vec3, way: Vec3| Segment {
+            middle: from + 0.5 * way,
+            half: 0.5 * way,
+        };
+        let up = face * self.reach;
+        [
+            ahead(origin, up),
+            both(u),
+            both(v),
+            ahead(origin, push.normalize_or_zero() * FURTHEST * self.reach),
+            ahead(origin + push * found.way, up),
+        ]
+    }
+
     fn around(&self, scene: &Scene, bvh: &SceneBvh, texel: &Texel) -> Clearance {
-        let transform = &scene.objects[texel.object as usize].transform;
-        let face = (transform.matrix3.inverse().transpose() * Vec3::from_array(texel.face))
-            .normalize_or_zero();
+        let (origin, face) = place(scene, texel);
         if texel.pixel == Texel::NONE || face == Vec3::ZERO {
             return Clearance::OPEN;
         }
-        let position = world(scene, texel);
         let reach = self.reach;
-        let origin = offset(position, face);
         let free = |from: Vec3, way: Vec3, most: f32| {
             bvh.closest(scene, from, way, most)
                 .map_or(most, |hit| hit.t)
@@ -205,7 +230,11 @@ impl Clearances {
         let share = (0.5 * free(start, way, 2.0 * length) / length).min(1.0);
         let push = push * share;
         if share * most < 1e-6 * reach {
-            return open;
+            // Nowhere to go; the way is kept, because it was looked along.
+            return Clearance {
+                push: way.to_array(),
+                ..open
+            };
         }
         let above = above.min(free(start + push, face, reach));
         Clearance {
@@ -215,6 +244,33 @@ impl Clearances {
             room: room(above),
         }
     }
+}
+
+/// A part of a ray, from end to end.
+struct Segment {
+    middle: Vec3,
+    half: Vec3,
+}
+
+impl Segment {
+    /// Whether it comes into one of the boxes: no axis separates the two (Ericson, Real-Time Collision Detection, 5.3.3).
+    fn meets(&self, boxes: &[Bounds]) -> bool {
+        let (half, reach) = (self.half, self.half.abs());
+        boxes.iter().any(|b| {
+            let (way, extent) = (self.middle - b.center(), 0.5 * b.size());
+            let across = extent.yzx() * reach.zxy() + extent.zxy() * reach.yzx();
+            way.abs().cmple(extent + reach).all()
+                && way.cross(half).abs().cmple(across * 1.000_01 + 1e-12).all()
+        })
+    }
+}
+
+/// Where rays around a texel start, and its face's normal; 0 without area.
+fn place(scene: &Scene, texel: &Texel) -> (Vec3, Vec3) {
+    let transform = &scene.objects[texel.object as usize].transform;
+    let face = transform.matrix3.inverse().transpose() * Vec3::from_array(texel.face);
+    let face = face.normalize_or_zero();
+    (offset(world(scene, texel), face), face)
 }
 
 fn world(scene: &Scene, texel: &Texel) -> Vec3 {
