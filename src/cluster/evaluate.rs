@@ -2,6 +2,7 @@
 
 use std::f32::consts::PI;
 
+use arrayvec::ArrayVec;
 use glam::Vec3;
 
 use super::{Shape, VirtualLight};
@@ -68,7 +69,12 @@ pub fn irradiance(
 
 /// Irradiance per lumen of a Lambertian polygon: the form factor from the point to the polygon's part above the point's horizon
 /// (VPL13 equations 3 and 4), over pi times the area.
-fn polygon_factor(vertices: &[Vec3], light_normal: Vec3, position: Vec3, normal: Vec3) -> f32 {
+pub(crate) fn polygon_factor(
+    vertices: &[Vec3],
+    light_normal: Vec3,
+    position: Vec3,
+    normal: Vec3,
+) -> f32 {
     if (position - vertices[0]).dot(light_normal) <= 0.0 {
         return 0.0;
     }
@@ -77,7 +83,8 @@ fn polygon_factor(vertices: &[Vec3], light_normal: Vec3, position: Vec3, normal:
     for i in 1..n - 1 {
         area += (vertices[i] - vertices[0]).cross(vertices[i + 1] - vertices[0]) * 0.5;
     }
-    let mut above = Vec::with_capacity(n + 1);
+    // Each edge adds two points at most.
+    let mut above = ArrayVec::<Vec3, 16>::new();
     for i in 0..n {
         let (a, b) = (vertices[i] - position, vertices[(i + 1) % n] - position);
         let (ha, hb) = (a.dot(normal), b.dot(normal));

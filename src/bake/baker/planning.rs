@@ -2,14 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use rayon::prelude::*;
 use tracing::debug_span;
 
 use super::holdings::Holding;
 use crate::bake::baker::Baker;
 use crate::bake::device::records::Parts;
-use crate::bake::order::brightness::Brightness;
+use crate::bake::order::brightness::{Brightness, Judge};
 use crate::bake::order::eye::Eye;
 use crate::bake::order::parts;
+use crate::bake::order::places::Around;
 use crate::bake::order::plan::Plan;
 use crate::bake::order::schedule::{self, Held, Priority};
 use crate::bake::order::sight::{Division, Sight};
@@ -18,6 +20,8 @@ use crate::gpu::GpuError;
 
 /// A cell with a larger share of invalid flux is exchanged, not brought to the current scene before that.
 const LEAVES: f64 = 0.3;
+/// Nor is one whose exchange takes less work than this for a light that leaves: hardly more than bringing it there.
+const CHEAP: f64 = 0.5;
 
 impl Baker {
     /// Finds out what should be held by now, and plans the way there; `looks`: the map may be divided for it.
@@ -30,6 +34,7 @@ impl Baker {
         let mut brightness = std::mem::take(&mut self.brightness);
         let mut updates = Vec::new();
         for (parts, Holding { cells, ledger }) in self.holdings.parts() {
+            self.look_towards(&mut brightness, cells);
             let exchanges = self.exchanges(&mut brightness, parts, cells, ledger);
             let advances = self.advances(&mut brightness, parts, cells, ledger, &exchanges);
             updates.extend(exchanges);
@@ -70,6 +75,12 @@ impl Baker {
         Ok(())
     }
 
+    /// The scene around lights.
+    fn around(&self) -> Around<'_> {
+        let texel = 2.0 * self.illumination.pass().epsilon();
+        Around::new(self.editor.scene(), &self.bvh, texel, self.division())
+    }
+
     /// The parts of the map, if somebody looks.
     fn division(&self) -> Option<Division<'_>> {
         self.sight.as_ref().map(|sight| Division {
@@ -77,6 +88,18 @@ impl Baker {
             atlas: &self.atlas,
             seen: &self.seen,
         })
+    }
+
+    /// Finds out what of the lights that are held under earlier versions goes towards what changed since.
+    fn look_towards(&self, brightness: &mut Brightness, held: &BTreeMap<CellId, Held>) {
+        if self.priority != Priority::Bounds {
+            return;
+        }
+        let _span = debug_span!("towards").entered();
+        let current = self.illumination.version();
+        let held = held.values().filter(|held| held.version != current);
+        let between = |version| self.illumination.between(version);
+        brightness.learn_towards(&self.around(), current, held, between);
     }
 
     /// The updates that lead from what parts of the map hold to what is wanted.
@@ -89,8 +112,9 @@ impl Baker {
     ) -> Vec<schedule::Update> {
         let wanted = self.wanted.cells();
         let scale = self.clusters.scale().max(f64::MIN_POSITIVE);
-        let key = |cell: &CellId| self.clusters.key(cell) as f64 / scale;
-        let groups: Vec<_> = schedule::exchanges(held, wanted, |c| self.clusters.parent(c))
+        let clusters = &self.clusters;
+        let key = |cell: &CellId| clusters.key(cell) as f64 / scale;
+        let groups: Vec<_> = schedule::exchanges(held, wanted, |c| clusters.parent(c))
             .into_iter()
             .filter(|(subtract, add)| {
                 !(self.settings.indirect_only && schedule::all_direct(subtract, add))
@@ -100,13 +124,26 @@ impl Baker {
             let old = subtract.iter().map(|c| &held[c].selected);
             old.chain(add.iter().map(|c| &wanted[c]))
         });
-        let (scene, bvh) = (self.editor.scene(), &self.bvh);
-        let division = self.division();
-        debug_span!("brightness").in_scope(|| brightness.learn(scene, bvh, division, changing));
+        let around = self.around();
+        debug_span!("brightness").in_scope(|| brightness.learn(&around, changing));
         let invalid = |cell: &CellId| ledger.flux(cell);
-        let update =
-            |group| schedule::exchange(group, parts, held, wanted, brightness, key, invalid);
-        groups.into_iter().map(update).collect()
+        let (current, brightness) = (self.illumination.version(), &*brightness);
+        let judge = Judge {
+            brightness,
+            around: &around,
+        };
+        let update = |group| {
+            let update = schedule::exchange(group, parts, held, wanted, judge, key, invalid);
+            if !follows_by_itself(&update, held) {
+                return update;
+            }
+            let leaving = update.leaving().iter().map(|cell| &held[cell]);
+            let towards: Vec<_> = leaving
+                .map(|held| brightness.towards(held, current))
+                .collect();
+            update.beside(&towards)
+        };
+        debug_span!("judge").in_scope(|| groups.into_par_iter().map(update).collect())
     }
 
     /// The updates that bring what stays held to the current scene.
@@ -122,7 +159,7 @@ impl Baker {
         // What is about to leave anyhow need not follow the scene first.
         let leaving: BTreeSet<CellId> = exchanges
             .iter()
-            .filter(|u| u.invalid > LEAVES)
+            .filter(|u| follows_by_itself(u, held))
             .flat_map(|u| u.leaving())
             .copied()
             .collect();
@@ -130,14 +167,6 @@ impl Baker {
         let staying = || held.iter().filter(|(cell, held)| stays(cell, held));
         let illumination = &self.illumination;
         let bounds = self.priority == Priority::Bounds;
-        if bounds {
-            let (scene, bvh) = (self.editor.scene(), &self.bvh);
-            let held = staying().map(|(_, held)| held);
-            debug_span!("towards").in_scope(|| {
-                let between = |version| illumination.between(version);
-                brightness.learn_towards(scene, bvh, self.division(), current, held, between);
-            });
-        }
         let mut regions = BTreeMap::new();
         let update = |(&cell, held): (&CellId, &Held)| {
             let regions = regions
@@ -149,4 +178,11 @@ impl Baker {
         };
         staying().map(update).collect()
     }
+}
+
+/// Whether an exchange takes cells that leave straight to the current scene, and not after they were brought there.
+fn follows_by_itself(exchange: &schedule::Update, held: &BTreeMap<CellId, Held>) -> bool {
+    let leaving = exchange.leaving().iter().map(|cell| &held[cell]);
+    let lights: usize = leaving.map(|held| held.selected.lights.len()).sum();
+    exchange.invalid > LEAVES || exchange.work() < CHEAP * lights as f64
 }

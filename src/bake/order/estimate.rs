@@ -2,47 +2,14 @@
 
 use glam::Vec3;
 
-use super::brightness::Brightness;
-use super::sight::Both;
+use super::shown::Shining;
 use crate::bake::device::records::Region;
-use crate::cluster::{Selected, Shape, VirtualLight};
-
-/// A light, and the norms of the irradiance that a unit of its flux causes ([`Brightness::of`]).
-pub(super) type Shining<'a> = (&'a VirtualLight, Both);
-
-pub(super) fn shining<'a>(
-    cell: &'a Selected,
-    brightness: &'a Brightness,
-) -> impl Iterator<Item = Shining<'a>> + use<'a> {
-    let norms = brightness.of(cell);
-    let norm = move |i: usize| norms.get(i).copied().unwrap_or([1.0; 2]);
-    let lights = cell.lights.iter().enumerate();
-    lights.map(move |(i, light)| (light, norm(i)))
-}
+use crate::cluster::{Shape, VirtualLight};
 
 /// Those that are not among `others`.
 pub(super) fn alone<'a>(lights: &[Shining<'a>], others: &[Shining]) -> Vec<Shining<'a>> {
     let one = |l: &&Shining| !others.iter().any(|other| other.0 == l.0);
     lights.iter().filter(one).copied().collect()
-}
-
-/// The square of the norm of the irradiance by which lights differ in a part of the map from whichever of `others` is most like each.
-pub(super) fn unlike(lights: &[Shining], others: &[Shining], part: usize) -> f64 {
-    let one = |&(light, norms): &Shining| {
-        let norm = norms[part];
-        let flux = lumens(light.flux);
-        // At this distance an even emitter would light a patch as it does.
-        let near = 1.0 / (norm * std::f64::consts::PI.sqrt()).max(f64::MIN_POSITIVE);
-        let apart = |&(other, _): &Shining| {
-            let way = f64::from(light.position.distance(other.position)) / near;
-            let turn = f64::from(light.normal.distance(other.normal));
-            let dimmer = (flux - lumens(other.flux)).abs() / flux.max(f64::MIN_POSITIVE);
-            way + turn + dimmer
-        };
-        let least = others.iter().map(apart).fold(1.0, f64::min);
-        (least * flux * norm).powi(2)
-    };
-    lights.iter().map(one).sum()
 }
 
 /// The area that a box shows in the mean, m²: a quarter of its surface (Cauchy).

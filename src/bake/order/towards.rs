@@ -4,17 +4,17 @@
 
 use glam::Vec3;
 
-use super::estimate::{intercepted, shown};
+use super::estimate::intercepted;
 use super::eye::Eye;
-use super::sight::{Both, Division, missed};
+use super::places::{Around, LOOKS, Place, Size, falls, source};
+use super::sight::{Both, missed};
 use crate::bake::device::records::Region;
 use crate::cluster::{Shape, VirtualLight};
-use crate::scene::Scene;
-use crate::transport::SceneBvh;
-use crate::transport::intersect::offset;
 
 /// Rays to a box.
-const RAYS: u32 = 6;
+const RAYS: usize = 6;
+/// Places that a cell is judged by at most: of more, every so many.
+const PLACES: usize = 96;
 
 /// What of a cell's lights goes towards what changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,114 +25,203 @@ pub(in crate::bake) struct Towards {
     pub shown: Both,
 }
 
-/// `size`: the length of the scene's diagonal, metres; `regions`: boxes around what changed.
+/// `regions`: boxes around what changed.
 pub(super) fn towards(
-    scene: &Scene,
-    bvh: &SceneBvh,
-    size: f32,
+    around: &Around,
     eye: Option<&Eye>,
-    division: Option<Division>,
     lights: &[VirtualLight],
     regions: &[Region],
 ) -> Towards {
-    let (mut met, mut squares) = (0.0, [0.0; 2]);
-    let far = 2.0 * size;
-    for light in lights {
-        for region in regions {
+    let boxes: Vec<Box> = regions.iter().map(Box::new).collect();
+    let sized = lights.iter().map(|l| (l, Size::new(l, around.texel)));
+    let lights: Vec<(&VirtualLight, Size)> = sized.collect();
+    let far = 2.0 * around.far();
+    let (mut met, mut asked, mut places) = (0.0, 0, Vec::new());
+    for (i, (light, size)) in lights.iter().enumerate() {
+        let mut meets = false;
+        for (region, bounds) in regions.iter().zip(&boxes) {
             let part = intercepted(light, region);
             if part > 0.0 {
-                let sampled = sample(scene, bvh, far, eye, division, light, region);
-                met += part * sampled.arrives;
-                for (square, shows) in squares.iter_mut().zip(sampled.shows) {
-                    *square += part * part / shown(region) * shows;
-                }
+                met += part * cast(around, eye, far, light, bounds, &mut places);
+                meets = true;
             }
         }
+        if meets {
+            asked += 1;
+            let seen = around.looked(eye, i);
+            places.extend(seen.filter(|p| reaches(around, far, light, size, p, &boxes)));
+        }
     }
-    Towards {
-        met,
-        shown: squares.map(f64::sqrt),
+    let shown = changed(far, &lights, asked, &boxes, &places);
+    Towards { met, shown }
+}
+
+/// A box around what changed.
+struct Box {
+    center: Vec3,
+    half: Vec3,
+    /// m³.
+    volume: f32,
+}
+
+/// A part of a ray, metres from its origin.
+#[derive(Clone, Copy)]
+struct Chord {
+    enters: f32,
+    leaves: f32,
+}
+
+impl Box {
+    /// No side is flat.
+    fn new(region: &Region) -> Self {
+        let half = Vec3::from(region.extent);
+        let half = half + 1e-3 * half.length().max(1e-6);
+        Self {
+            center: region.center.into(),
+            half,
+            volume: 8.0 * half.element_product(),
+        }
+    }
+
+    /// What of a ray is inside.
+    fn chord(&self, origin: Vec3, direction: Vec3) -> Option<Chord> {
+        let (way, inverse) = (self.center - origin, direction.recip());
+        let (a, b) = ((way - self.half) * inverse, (way + self.half) * inverse);
+        let (enters, leaves) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+        (enters < leaves).then_some(Chord { enters, leaves })
     }
 }
 
-/// Means over the rays from a light to a box.
-#[derive(Default)]
-struct Sampled {
-    /// The share that gets there.
-    arrives: f64,
-    /// What shows there and behind, of the square of the irradiance at the box, in both parts of the map.
-    shows: Both,
+/// Where light sets out for a place, and which way.
+fn way(light: &VirtualLight, far: f32, to: Vec3) -> (Vec3, Vec3) {
+    match light.shape {
+        Shape::Directional { .. } => (to - light.normal * 0.5 * far, light.normal),
+        _ => (source(light), (to - source(light)).normalize_or_zero()),
+    }
 }
 
-fn sample(
-    scene: &Scene,
-    bvh: &SceneBvh,
-    far: f32,
+/// Rays from a light to a box: the share that gets there, and where they meet something there and behind.
+fn cast(
+    around: &Around,
     eye: Option<&Eye>,
-    division: Option<Division>,
+    far: f32,
     light: &VirtualLight,
-    region: &Region,
-) -> Sampled {
-    let (center, extent) = (Vec3::from(region.center), Vec3::from(region.extent));
-    let slack = 1e-3 * extent.length();
-    let weight = |point, normal| eye.map_or(1.0, |eye| eye.weight(scene, bvh, point, normal));
-    let mut sum = Sampled::default();
+    bounds: &Box,
+    places: &mut Vec<Place>,
+) -> f64 {
+    let mut arrive = 0;
     for i in 0..RAYS {
         // Powers of the inverse plastic number: even in all three directions.
         let part = |step: f32| 2.0 * ((i as f32 + 0.5) * step).fract() - 1.0;
-        let target =
-            center + extent * Vec3::new(part(0.819_172_5), part(0.671_043_6), part(0.549_700_5));
-        let origin = match light.shape {
-            Shape::Directional { .. } => target - light.normal * 0.5 * far,
-            Shape::Point | Shape::Spot { .. } => light.position,
-            _ => offset(light.position, light.surface),
+        let even = Vec3::new(part(0.819_172_5), part(0.671_043_6), part(0.549_700_5));
+        let (origin, direction) = way(light, far, bounds.center + bounds.half * even);
+        let Some(Chord { enters, leaves }) = bounds.chord(origin, direction) else {
+            continue;
         };
-        let direction = (target - origin).normalize_or_zero();
-        if direction == Vec3::ZERO {
+        let first = around.closest(origin, direction, far);
+        if first.is_some_and(|hit| hit.t < enters) {
             continue;
         }
-        let (a, b) = (
-            (center - extent - origin) / direction,
-            (center + extent - origin) / direction,
-        );
-        let (enters, leaves) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
-        let cast = |from: f32| {
-            let hit = bvh.closest(scene, origin + direction * from, direction, far)?;
-            let part = division.map_or(1, |division| division.part(&hit));
-            Some((from + hit.t, hit.normal, part))
+        arrive += 1;
+        let inside = first.filter(|hit| hit.t <= leaves);
+        let behind = match inside {
+            Some(_) => around.closest(origin + direction * leaves, direction, far),
+            None => first,
         };
-        let first = cast(0.0);
-        if first.is_some_and(|(t, ..)| t < enters - slack) {
-            continue;
+        let hits = inside.into_iter().chain(behind);
+        places.extend(hits.map(|hit| around.place(eye, &hit)));
+    }
+    f64::from(arrive) / RAYS as f64
+}
+
+/// Whether light gets to a place through what changed, and by nothing else.
+fn reaches(
+    around: &Around,
+    far: f32,
+    light: &VirtualLight,
+    size: &Size,
+    place: &Place,
+    boxes: &[Box],
+) -> bool {
+    let (origin, direction) = way(light, far, place.point);
+    let distance = origin.distance(place.point);
+    let chords = boxes.iter().filter_map(|b| b.chord(origin, direction));
+    let before = chords.filter(|chord| chord.enters < distance);
+    let Some(Chord { enters, leaves }) = before.reduce(|a, b| Chord {
+        enters: a.enters.min(b.enters),
+        leaves: a.leaves.max(b.leaves),
+    }) else {
+        return false;
+    };
+    let free = |from: f32, to: f32| {
+        let (from, length) = (origin + direction * from, (1.0 - 1e-3) * (to - from));
+        length <= 0.0 || !(around.bvh).occluded(around.scene, from, direction, length)
+    };
+    light_at(light, size, place) > 0.0 && free(0.0, enters) && free(leaves, distance)
+}
+
+/// Irradiance that a unit of a light's flux or intensity causes at a place.
+fn light_at(light: &VirtualLight, size: &Size, place: &Place) -> f32 {
+    match light.shape {
+        Shape::Directional { .. } => (-place.normal.dot(light.normal)).max(0.0),
+        _ => falls(light, size, place)[0],
+    }
+}
+
+/// The norm over either part of the map of the light that gets to places through what changed. Monte Carlo, as
+/// [`super::shown::difference`] is. `asked`: lights that were asked about what is seen.
+fn changed(
+    far: f32,
+    lights: &[(&VirtualLight, Size)],
+    asked: usize,
+    boxes: &[Box],
+    places: &[Place],
+) -> Both {
+    let step = places.len().div_ceil(PLACES).max(1);
+    let mut sums = [0.0; 2];
+    for place in places.iter().step_by(step) {
+        let mut flux = Vec3::ZERO;
+        let mut density = (LOOKS * asked) as f32 * place.looked;
+        for (light, size) in lights {
+            let (origin, direction) = way(light, far, place.point);
+            let squared = origin.distance_squared(place.point);
+            let cosine = -place.normal.dot(direction);
+            let mut meets = false;
+            for bounds in boxes {
+                let Some(Chord { enters, leaves }) = bounds.chord(origin, direction) else {
+                    continue;
+                };
+                if cosine <= 0.0 || enters * enters >= squared {
+                    continue;
+                }
+                meets = true;
+                // Rays go to points that are even in the box.
+                let inside = match light.shape {
+                    Shape::Directional { .. } => leaves - enters,
+                    _ => (leaves.powi(3) - enters.powi(3)) / (3.0 * squared),
+                };
+                density += RAYS as f32 * cosine * inside / bounds.volume;
+            }
+            if meets {
+                flux += light.flux * light_at(light, size, place);
+            }
         }
-        sum.arrives += 1.0;
-        let inside = first.filter(|(t, ..)| *t <= leaves + slack);
-        let behind = if inside.is_some() {
-            cast(leaves + slack)
-        } else {
-            first
-        };
-        let middle = 0.5 * (enters + leaves);
-        for (t, normal, part) in inside.into_iter().chain(behind) {
-            // A cone that starts in a point widens.
-            let wider = match light.shape {
-                Shape::Directional { .. } => 1.0,
-                _ => (middle / t).min(1.0).powi(2),
-            };
-            sum.shows[part] += f64::from(wider * weight(origin + direction * t, normal));
+        if density > 0.0 {
+            let square = flux.length_squared() / 3.0;
+            sums[place.part] += f64::from(square * place.weight / density);
         }
     }
-    Sampled {
-        arrives: sum.arrives / f64::from(RAYS),
-        shows: missed(sum.shows, RAYS).map(|shows| shows / f64::from(RAYS)),
-    }
+    let rays = (RAYS * lights.len() * boxes.len()).max(1) as u32;
+    missed(sums, rays).map(|sum| (sum * step as f64).sqrt())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::Camera;
+    use crate::scene::Scene;
     use crate::scene::builtin::builtin;
+    use crate::transport::bvh::SceneBvh;
 
     /// In the Cornell box nothing shines through a block, and who looks past a box does not see it lit.
     #[test]
@@ -158,15 +247,8 @@ mod tests {
             extent: [0.05 * size.x; 3],
         };
         let all = |eye: Option<&Eye>, region| {
-            towards(
-                &scene,
-                &bvh,
-                size.length(),
-                eye,
-                None,
-                std::slice::from_ref(&light),
-                &[region],
-            )
+            let around = Around::new(&scene, &bvh, 0.0, None);
+            towards(&around, eye, std::slice::from_ref(&light), &[region])
         };
         let met = all(None, near);
         assert!(met.met > 0.0 && met.shown[1] > 0.0, "{met:?}");
@@ -179,8 +261,12 @@ mod tests {
             ),
             fov_y: 1.0,
         };
-        let facing = all(Some(&Eye::new(&camera(0.0))), near).shown[1];
-        let away = all(Some(&Eye::new(&camera(std::f32::consts::PI))), near).shown[1];
+        let looking = |turn: f32| {
+            let mut eye = Eye::new(&camera(turn));
+            eye.look(&scene, &bvh);
+            all(Some(&eye), near).shown[1]
+        };
+        let (facing, away) = (looking(0.0), looking(std::f32::consts::PI));
         let unseen = met.shown[1] * f64::from(super::super::eye::UNSEEN).sqrt();
         assert!(
             (away - unseen).abs() < 1e-6 * met.shown[1],

@@ -8,8 +8,12 @@ use glam::Vec3;
 use super::*;
 use crate::bake::order::brightness::Brightness;
 use crate::bake::order::parts::{join, seen_first};
+use crate::bake::order::places::Around;
 use crate::bake::order::plan::Plan;
 use crate::cluster::Shape;
+use crate::scene::Scene;
+use crate::scene::builtin::builtin;
+use crate::transport::SceneBvh;
 
 fn light(x: f32, flux: f32) -> VirtualLight {
     VirtualLight {
@@ -208,40 +212,49 @@ fn balancing_waits_for_validation_that_shows_more() {
     assert_eq!((at, order.len()), (Some(7), 9));
 }
 
-/// A light that moved a little shows less than one that moved far, and one that shines into a corner more than another.
+/// What of an exchange shows is what its lights do not share, and of what leaves an earlier scene what goes towards the change.
 #[test]
 fn an_exchange_shows_what_its_lights_do_not_share() {
-    let visible = |old: &[VirtualLight], new: &[VirtualLight]| {
+    let scene = Scene::from_document(&builtin("integrating-sphere").unwrap()).unwrap();
+    let bvh = SceneBvh::build(&scene);
+    let bounds = scene.bounds();
+    let around = Around::new(&scene, &bvh, 0.0, None);
+    let below = |x: f32, flux| VirtualLight {
+        position: bounds.center() + Vec3::new(x, -0.49, 0.0) * bounds.size().x,
+        ..light(0.0, flux)
+    };
+    let visible = |old: &[VirtualLight], new: &[VirtualLight], towards: &[Towards]| {
         let old = [selected(1, old.to_vec(), &[])];
         let new = [selected(1, new.to_vec(), &[])];
+        let mut brightness = Brightness::default();
+        brightness.learn(&around, old.iter().chain(&new));
         let (held, wanted) = (held(&old), all(&new));
         let group = (vec![cell(1)], vec![cell(1)]);
-        let nothing = |_: &CellId| 0.0;
-        exchange(
-            group,
-            Parts::ALL,
-            &held,
-            &wanted,
-            &Brightness::default(),
-            nothing,
-            nothing,
-        )
-        .shown[1]
+        let none = |_: &CellId| 0.0;
+        let judge = Judge {
+            brightness: &brightness,
+            around: &around,
+        };
+        let update = exchange(group, Parts::ALL, &held, &wanted, judge, none, none);
+        update.beside(towards).shown[1]
     };
-    let still = light(5.0, 10.0);
+    let (still, old) = (below(0.1, 10.0), below(0.0, 1.0));
+    let comes = visible(&[], std::slice::from_ref(&old), &[]);
     let near = visible(
-        &[still.clone(), light(0.0, 1.0)],
-        &[still.clone(), light(0.01, 1.0)],
+        &[still.clone(), old.clone()],
+        &[still.clone(), below(0.001, 1.0)],
+        &[],
     );
-    let far = visible(
-        &[still.clone(), light(0.0, 1.0)],
-        &[still.clone(), light(9.0, 1.0)],
-    );
-    let dimmed = visible(&[light(0.0, 1.0)], &[light(0.0, 0.9)]);
-    assert!(near > 0.0 && near < 0.1 * far, "{near} {far}");
-    assert!(dimmed > 0.0 && dimmed < 0.3 * far, "{dimmed} {far}");
-    // A unit of brightness each, there and here.
-    assert!((far - 2f64.sqrt()).abs() < 1e-6, "{far}");
+    assert!(near > 0.0 && near < 0.1 * comes, "{near} {comes}");
+    let one = std::slice::from_ref(&old);
+    let dimmed = visible(one, &[below(0.0, 0.9)], &[]);
+    assert!((dimmed / comes - 0.1).abs() < 1e-3, "{dimmed} {comes}");
+    let towards = Towards {
+        met: 0.0,
+        shown: [0.0, comes],
+    };
+    let shaded = visible(one, &[below(0.0, 0.9)], &[towards]);
+    assert!((shaded - dimmed.hypot(comes)).abs() < 1e-6 * comes);
 }
 
 fn shown(path: u64, shown: Both, work: f64) -> Update {
